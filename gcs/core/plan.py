@@ -1,0 +1,127 @@
+"""The plan: what was asked, what will be flown, and what is certified about it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from gcs.core.scenario import Cable, Scenario
+    from gcs.core.trajectory import AngleProfile, PiecewisePolynomial
+
+
+@dataclass(frozen=True, eq=False)
+class Viewpoint:
+    """A place from which one picture is taken, at standstill.
+
+    Attributes:
+        id: 0-based number in visiting order.
+        name: the named point's name, or `S0001`, ... for surface viewpoints.
+        position_m: vehicle centre, scene ENU, shape (3,).
+        direction: unit view direction, shape (3,).
+        up: unit upward direction of the image, square to `direction`, shape (3,).
+        gsd_m: ground sampling distance (m a pixel) at the target along the axis.
+        time_s: when the picture is taken on the trajectory.
+        yaw_rad: vehicle yaw from east, counter-clockwise.
+        gimbal_pitch_rad: camera pitch, 0 level, negative down.
+    """
+
+    id: int
+    name: str
+    position_m: NDArray[np.float64]
+    direction: NDArray[np.float64]
+    up: NDArray[np.float64]
+    gsd_m: float
+    time_s: float
+    yaw_rad: float
+    gimbal_pitch_rad: float
+
+
+@dataclass(frozen=True)
+class Certificates:
+    """Figures that were computed from the finished plan; the keys of `report.json` in SI units."""
+
+    length_m: float
+    path_length_m: float
+    duration_s: float
+    mean_deviation_m: float
+    max_deviation_m: float
+    min_clearance_m: float
+    max_speed_m_s: float
+    max_acceleration_m_s2: float
+    max_jerk_m_s3: float
+    corridor_violation_m: float
+    worst_viewpoint_miss_m: float
+    viewpoints: int
+    coverage: float | None
+    coverable: float | None
+    tour_cost: float
+    tour_lower_bound: float
+    tour_metric: str
+    energy_wh: float
+    open_sky: float
+    """Share of the flight time from which a straight climb above the scene keeps the clearance (safety rule 7)."""
+
+
+@dataclass(frozen=True, eq=False)
+class Plan:
+    """A finished plan; every certificate in it holds.
+
+    Attributes:
+        scenario: what was asked; meshes carry their SHA-256.
+        cables: all cables, the sample scene's too.
+        viewpoints: in visiting order.
+        path_m: collision-free polyline of straight legs from home through the viewpoints to home, shape (N, 3).
+        path_stops: index into `path_m` of home, every viewpoint and home again, shape (len(viewpoints) + 2,).
+        corridor_m: low and high corner of each trajectory segment's box, shape (S, 2, 3).
+        trajectory: the curve that is flown, at rest at both ends and at every viewpoint.
+        yaw: vehicle yaw over time (from east, counter-clockwise).
+        gimbal_pitch: camera pitch over time (0 level, negative down).
+        coverage: how the sampled surface is seen, when a surface was asked for.
+        certificates: what was proved.
+        stages_s: seconds each stage of planning took.
+    """
+
+    scenario: Scenario
+    cables: tuple[Cable, ...]
+    viewpoints: tuple[Viewpoint, ...]
+    path_m: NDArray[np.float64]
+    path_stops: NDArray[np.int64]
+    corridor_m: NDArray[np.float64]
+    trajectory: PiecewisePolynomial
+    yaw: AngleProfile
+    gimbal_pitch: AngleProfile
+    coverage: SurfaceCoverage | None
+    certificates: Certificates
+    stages_s: dict[str, float]
+
+
+@dataclass(frozen=True, eq=False)
+class SurfaceCoverage:
+    """How well the sampled sides of the surface are seen.
+
+    Attributes:
+        points_m: sample points, shape (N, 3).
+        normals: the side of each sample, unit, shape (N, 3).
+        seen: shape (N,) bool.
+        coverable: shape (N,) bool; every seen one is coverable.
+    """
+
+    points_m: NDArray[np.float64]
+    normals: NDArray[np.float64]
+    seen: NDArray[np.bool_]
+    coverable: NDArray[np.bool_]
+
+    @property
+    def share_seen(self) -> float:
+        """Seen share of what is coverable; 1 when nothing is."""
+        return float(self.seen.sum() / max(int(self.coverable.sum()), 1))
+
+    @property
+    def share_coverable(self) -> float:
+        """Coverable share of all sampled sides."""
+        return float(self.coverable.mean())

@@ -1,0 +1,227 @@
+"""What the station knows of a vehicle. Every value carries when it was heard; unknown is None, never zero."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Enum
+from typing import TYPE_CHECKING, Generic, TypeVar
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from gcs.core.frames import GeoPoint
+
+
+T = TypeVar("T")
+
+
+class Autopilot(Enum):
+    """The flight stacks that are told apart."""
+
+    PX4 = "px4"
+    ARDUPILOT = "ardupilot"
+    GENERIC = "generic"
+
+
+class FlightMode(Enum):
+    """Modes in words common to both stacks; anything else is OTHER, with the stack's own name beside it."""
+
+    MISSION = "mission"
+    OFFBOARD = "offboard"
+    HOLD = "hold"
+    RETURN = "return"
+    LAND = "land"
+    TAKEOFF = "takeoff"
+    MANUAL = "manual"
+    OTHER = "other"
+    UNKNOWN = "unknown"
+
+
+class LandedState(Enum):
+    """MAV_LANDED_STATE in words."""
+
+    UNKNOWN = 0
+    ON_GROUND = 1
+    IN_AIR = 2
+    TAKING_OFF = 3
+    LANDING = 4
+
+
+class MissionState(Enum):
+    """MISSION_STATE in words."""
+
+    UNKNOWN = 0
+    NO_MISSION = 1
+    NOT_STARTED = 2
+    ACTIVE = 3
+    PAUSED = 4
+    COMPLETE = 5
+
+
+@dataclass(frozen=True)
+class Heard(Generic[T]):
+    """A value and the station's monotonic time (s) at which it was heard."""
+
+    value: T
+    at_s: float
+
+    def age_s(self, now_s: float) -> float:
+        """Seconds since it was heard."""
+        return now_s - self.at_s
+
+
+@dataclass(frozen=True)
+class BatteryState:
+    """Battery as the vehicle reports it; None where it does not."""
+
+    remaining: float | None
+    """Share left, 0 to 1."""
+    voltage_v: float | None
+    current_a: float | None
+
+
+@dataclass(frozen=True)
+class MissionProgress:
+    """MISSION_CURRENT and MISSION_ITEM_REACHED."""
+
+    current: int
+    total: int | None
+    state: MissionState
+
+
+@dataclass(frozen=True)
+class Telemetry:
+    """The newest of everything heard from one vehicle; None until first heard.
+
+    Positions are geodetic with altitude above mean sea level, or local ENU about the estimator's origin.
+    """
+
+    armed: Heard[bool] | None = None
+    mode: Heard[FlightMode] | None = None
+    mode_name: Heard[str] | None = None
+    landed: Heard[LandedState] | None = None
+    position: Heard[GeoPoint] | None = None
+    local_position_m: Heard[NDArray[np.float64]] | None = None
+    velocity_m_s: Heard[NDArray[np.float64]] | None = None
+    yaw_rad: Heard[float] | None = None
+    attitude_rad: Heard[tuple[float, float, float]] | None = None
+    gimbal_pitch_rad: Heard[float] | None = None
+    battery: Heard[BatteryState] | None = None
+    home: Heard[GeoPoint] | None = None
+    origin: Heard[GeoPoint] | None = None
+    mission: Heard[MissionProgress] | None = None
+    gps_fix: Heard[int] | None = None
+    satellites: Heard[int] | None = None
+    vehicle_time_s: Heard[float] | None = None
+    """The vehicle's own clock since boot; runs faster than ours in a sped-up simulation."""
+    ready_to_arm: Heard[bool] | None = None
+
+
+@dataclass(frozen=True)
+class VehicleIdentity:
+    """Who a vehicle is.
+
+    Attributes:
+        system_id: MAVLink system id, 1 to 255.
+        component_id: of its autopilot.
+        autopilot: the flight stack.
+        vehicle_type: MAV_TYPE number.
+    """
+
+    system_id: int
+    component_id: int
+    autopilot: Autopilot
+    vehicle_type: int
+
+    @property
+    def name(self) -> str:
+        """The name a confirmation must give, such as `px4-1`."""
+        return f"{self.autopilot.value}-{self.system_id}"
+
+
+@dataclass(frozen=True)
+class VehicleLimits:
+    """What the vehicle's own parameters allow; None where they do not say.
+
+    Attributes:
+        offboard_timeout_s: how long it flies on at the last velocity when setpoints stop.
+        return_altitude_m: height above home of its own return.
+    """
+
+    max_speed_m_s: float | None
+    max_climb_m_s: float | None
+    max_descent_m_s: float | None
+    max_acceleration_m_s2: float | None
+    offboard_timeout_s: float | None
+    return_altitude_m: float | None
+
+
+@dataclass(frozen=True)
+class Failsafe:
+    """One failsafe as the vehicle is set up.
+
+    Attributes:
+        name: parameter name, by which an operator accepts it when it is off.
+        about: ground-station loss, RC loss, battery, fence, offboard loss or return.
+        value: the parameter's value; None when the vehicle did not tell.
+        active: whether it will do something; None when unknown.
+        effect: what it does, in plain words.
+    """
+
+    name: str
+    about: str
+    value: float | None
+    active: bool | None
+    effect: str
+
+
+@dataclass(frozen=True)
+class ImageReport:
+    """A picture the vehicle says it took.
+
+    Attributes:
+        index: the vehicle's own running number, from 0.
+        file: its name or path as the vehicle tells it (untrusted); None when it tells none.
+        position: where it was taken; None when not told.
+        at_vehicle_s: the vehicle's clock (s since boot) when taken; None when not told.
+        success: False when the vehicle says that the capture failed.
+    """
+
+    index: int
+    file: str | None
+    position: GeoPoint | None
+    at_vehicle_s: float | None
+    success: bool = True
+
+
+@dataclass(frozen=True, eq=False)
+class ReplanReport:
+    """A vehicle's report that it left the planned path, decoded from the wire.
+
+    Attributes:
+        number: running number of the vehicle's reports in this boot, from 1.
+        boot_id: random number the vehicle drew at start, so that numbers of two boots are told apart.
+        plan_crc32: the first 8 hex digits of the plan hash as an unsigned number.
+        reason: short plain text.
+        left_at_s: plan time (s) at which the path is left.
+        rejoined_at_s: plan time (s) at which it is joined again.
+        path_m: the new piece, scene ENU, shape (K, 3).
+    """
+
+    number: int
+    boot_id: int
+    plan_crc32: int
+    reason: str
+    left_at_s: float
+    rejoined_at_s: float
+    path_m: NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class StatusText:
+    """A message of the vehicle for people; severity 0 emergency to 7 debug."""
+
+    severity: int
+    text: str

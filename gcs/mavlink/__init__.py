@@ -1,0 +1,1 @@
+"""The MAVLink side of the station: the only room that imports pymavlink."""
