@@ -128,7 +128,7 @@ class Camera(Strict):
         return distance_m * self.sensor_width_mm / (self.focal_length_mm * self.image_width_px)
 
     def distance_for_footprint(self, width_m: float) -> float:
-        """Working distance (m) at which the picture is `width_m` wide: `f Fov / d_C` (gantry-crane paper, eq. 2 mended)."""
+        """Working distance (m) at which the picture is `width_m` wide: `f Fov / d_C` (crane paper, eq. 2 mended)."""
         return width_m * self.focal_length_mm / self.sensor_width_mm
 
 

@@ -19,7 +19,7 @@ class PiecewisePolynomial:
     """A curve in scene ENU of degree-7 pieces on normalised time.
 
     Attributes:
-        coefficients: shape (S, 8, 3), m: on segment s, `p = sum_k coefficients[s, k] * u**k` with `u = (t - t_s) / T_s`.
+        coefficients: shape (S, 8, 3), m: on segment s, `p = sum_k coefficients[s, k] u**k`, `u = (t - t_s) / T_s`.
         durations_s: shape (S,), all positive; the curve starts at t = 0.
     """
 

@@ -196,27 +196,29 @@ class ImageReport:
     success: bool = True
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True)
 class ReplanReport:
-    """A vehicle's report that it left the planned path, decoded from the wire.
+    """A vehicle's report that it left the planned path, decoded from the wire (docs/replan_report.md).
 
     Attributes:
+        boot_id: random number the vehicle drew at start, so that the numbers of two boots are told apart.
         number: running number of the vehicle's reports in this boot, from 1.
-        boot_id: random number the vehicle drew at start, so that numbers of two boots are told apart.
-        plan_crc32: the first 8 hex digits of the plan hash as an unsigned number.
+        plan_hash: SHA-256 of the plan it was flying, 64 hex digits; all zeros when the vehicle was told none.
         reason: short plain text.
-        left_at_s: plan time (s) at which the path is left.
-        rejoined_at_s: plan time (s) at which it is joined again.
-        path_m: the new piece, scene ENU, shape (K, 3).
+        mission_item: sequence of the mission item it was flying to; -1 in offboard.
+        left_at_s: the vehicle's clock (s since boot) when it left the path.
+        rejoined_at_s: the same when it was back on it.
+        path: the piece that was flown instead, from where it left to where it came back.
     """
 
-    number: int
     boot_id: int
-    plan_crc32: int
+    number: int
+    plan_hash: str
     reason: str
+    mission_item: int
     left_at_s: float
     rejoined_at_s: float
-    path_m: NDArray[np.float64]
+    path: tuple[GeoPoint, ...]
 
 
 @dataclass(frozen=True)
