@@ -1,0 +1,273 @@
+"""The command line. Heavy imports happen inside the commands, so that `gcs --help` answers at once."""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeVar
+
+import click
+
+from gcs import __version__
+from gcs.core.errors import GcsError, IncompleteError, InputError
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Coroutine
+
+    from gcs.services.flight_types import FlightSummary
+
+T = TypeVar("T")
+
+CONTEXT = {"help_option_names": ["-h", "--help"], "max_content_width": 110}
+
+connect_option = click.option(
+    "--connect",
+    "url",
+    required=True,
+    metavar="URL",
+    help="udpin:HOST:PORT, udpout:HOST:PORT, tcp:HOST:PORT or serial:DEVICE:BAUD.",
+)
+data_option = click.option(
+    "--data",
+    "data_dir",
+    type=click.Path(path_type=Path, file_okay=False),
+    envvar="GCS_DATA",
+    help="Where flights, plans and images are kept. [default: ~/.local/share/gcs]",
+)
+json_option = click.option("--json", "as_json", is_flag=True, help="Print one JSON object last.")
+
+
+@click.group(context_settings=CONTEXT)
+@click.version_option(__version__, prog_name="gcs")
+def cli() -> None:
+    """Plan, prove, fly and account for structure inspections by drone."""
+
+
+@cli.command()
+@click.argument("scenario", type=click.Path(path_type=Path))
+@click.option("-o", "--out", required=True, type=click.Path(path_type=Path), help="Folder to write the plan into.")
+def plan(scenario: Path, out: Path) -> None:
+    """Plan the inspection that SCENARIO (YAML or JSON) asks for."""
+    from gcs.services.plan_service import plan_to_directory
+    from gcs.services.terminal import TerminalProgress
+
+    with TerminalProgress() as progress:
+        result = plan_to_directory(scenario, out, progress)
+    c = result.certificates
+    seen = "" if c.coverage is None else f", {c.coverage:.1%} of the coverable surface"
+    click.echo(f"{c.viewpoints} viewpoints{seen}")
+    click.echo(
+        f"{c.length_m:.1f} m in {c.duration_s:.0f} s, {c.energy_wh:.0f} Wh, hull clearance {c.min_clearance_m:.2f} m"
+    )
+    click.echo(f"written to {out}")
+
+
+@cli.command()
+@click.argument("out", type=click.Path(path_type=Path))
+def verify(out: Path) -> None:
+    """Check the written plan in OUT again, from its files and meshes alone."""
+    from gcs.services.plan_verification import verify_plan
+
+    checks = verify_plan(out)
+    for check in checks:
+        click.echo(f"{'ok  ' if check.ok else 'FAIL'}  {check.message}")
+    if not all(check.ok for check in checks):
+        sys.exit(1)
+
+
+@cli.command()
+@click.argument("out", type=click.Path(path_type=Path))
+@connect_option
+@click.option("--mode", type=click.Choice(["mission", "offboard"]), default="mission", show_default=True)
+@click.option("--yes", "vehicle_name", metavar="VEHICLE", help="Confirm for the vehicle of this name, without asking.")
+@click.option("--accept", multiple=True, metavar="NAME", help="Accept that this failsafe is switched off (repeatable).")
+@data_option
+@json_option
+def fly(
+    out: Path,
+    url: str,
+    mode: str,
+    vehicle_name: str | None,
+    accept: tuple[str, ...],
+    data_dir: Path | None,
+    as_json: bool,
+) -> None:
+    """Fly the plan in OUT: upload with proof, confirm, arm, fly, watch, land, bring the images."""
+    from gcs.services.fly_command import fly_plan
+
+    def confirm(name: str) -> str:
+        return vehicle_name or click.prompt(f"Type the vehicle's name to arm and start it ({name})", err=as_json)
+
+    say: Callable[[str], None] = lambda line: click.echo(line, err=as_json)  # noqa: E731
+    summary: FlightSummary = _run(
+        fly_plan(out, url, mode=mode, confirm=confirm, accept=accept, data_dir=data_dir, say=say)
+    )
+    if as_json:
+        click.echo(json.dumps(summary.as_json()))
+    if not summary.ok:
+        raise IncompleteError("; ".join(summary.problems) or "not all of the plan was flown")
+
+
+@cli.command()
+@click.argument("out", type=click.Path(path_type=Path))
+@connect_option
+@json_option
+def upload(out: Path, url: str, as_json: bool) -> None:
+    """Put the mission of the plan in OUT on the vehicle, and prove that it is there."""
+    from gcs.services.transfer_commands import upload_plan
+
+    proof = _run(upload_plan(out, url))
+    if as_json:
+        click.echo(json.dumps(proof))
+    else:
+        click.echo(f"proved: {proof['vehicle']} holds {proof['items']} items, read back equal")
+
+
+@cli.command()
+@connect_option
+@click.option(
+    "-o", "--out", type=click.Path(path_type=Path, dir_okay=False), help="Write a QGroundControl .waypoints file."
+)
+@json_option
+def download(url: str, out: Path | None, as_json: bool) -> None:
+    """Read the mission that the vehicle holds."""
+    from gcs.services.transfer_commands import download_mission
+
+    lines, data = _run(download_mission(url))
+    if out is not None:
+        out.write_text("\n".join(lines) + "\n")
+        click.echo(f"{len(data)} items written to {out}")
+    elif as_json:
+        click.echo(json.dumps(data))
+    else:
+        click.echo("\n".join(lines))
+
+
+@cli.command()
+@click.option("--autopilot", type=click.Choice(["px4", "ardupilot"]), default="px4", show_default=True)
+@click.option("--count", type=click.IntRange(1, 250), default=1, show_default=True)
+@click.option("--speedup", type=click.FloatRange(0.1, 50), default=1.0, show_default=True)
+@click.option("--port", type=click.IntRange(1, 65535), default=14550, show_default=True, help="UDP port sent to.")
+@click.option("--replan", is_flag=True, help="Leave the path once and report the detour.")
+@click.option("--scene", type=click.Path(path_type=Path), help="Plan folder: stand at its home, see its structure.")
+@click.option("--seed", type=int, default=0, show_default=True)
+@click.argument("extra", nargs=-1, type=click.UNPROCESSED)
+def simulate(
+    autopilot: str,
+    count: int,
+    speedup: float,
+    port: int,
+    replan: bool,
+    scene: Path | None,
+    seed: int,
+    extra: tuple[str, ...],
+) -> None:
+    """Start simulated vehicles; runs until interrupted. Arguments after `--` go to the simulator as they are."""
+    from gcs.services.simulation import SimulatorOptions, run_simulator
+    from gcs.services.simulation_scene import scene_options
+
+    options = SimulatorOptions(
+        autopilot=autopilot, count=count, speedup=speedup, port=port, replan=replan, seed=seed, extra=extra
+    )
+    with scene_options(options, scene) as placed:
+        run_simulator(placed)
+
+
+@cli.group()
+def images() -> None:
+    """The pictures of a flight."""
+
+
+@images.command(name="import")
+@click.argument("flight")
+@click.argument("folder", type=click.Path(path_type=Path))
+@data_option
+def import_images(flight: str, folder: Path, data_dir: Path | None) -> None:
+    """Bring pictures from a card in FOLDER to FLIGHT."""
+    from gcs.services.image_import import import_folder
+
+    result = import_folder(flight, folder, data_dir)
+    for line in result.lines():
+        click.echo(line)
+    if result.missing:
+        raise IncompleteError(f"{len(result.missing)} expected pictures are not there: {', '.join(result.missing[:8])}")
+
+
+@cli.command(name="inspect-mesh")
+@click.argument("file", type=click.Path(path_type=Path))
+def inspect_mesh(file: Path) -> None:
+    """Say what the mesh in FILE is like."""
+    from gcs.services.mesh_report import inspect_mesh as report
+
+    for line in report(file).lines():
+        click.echo(line)
+
+
+@cli.command()
+@click.option("--host", default="127.0.0.1", show_default=True)
+@click.option("--port", type=click.IntRange(0, 65535), default=8080, show_default=True)
+@data_option
+def serve(host: str, port: int, data_dir: Path | None) -> None:
+    """Run the ground station: REST, live stream and dashboard."""
+    from gcs.api.server import serve as run_server
+
+    run_server(host, port, data_dir)
+
+
+@cli.command()
+@click.option("--stay", is_flag=True, help="Keep serving the dashboard afterwards.")
+@click.option("--speedup", type=click.FloatRange(1, 50), default=12.0, show_default=True)
+@click.option("--autopilot", type=click.Choice(["px4", "ardupilot"]), default="px4", show_default=True)
+@click.option("--port", type=click.IntRange(0, 65535), default=8080, show_default=True, help="Port of the dashboard.")
+@data_option
+def demo(stay: bool, speedup: float, autopilot: str, port: int, data_dir: Path | None) -> None:
+    """Run the main job from nothing, on the sample crane and a simulated vehicle of its own."""
+    from gcs.api.demo import run_demo
+
+    run_demo(stay=stay, speedup=speedup, autopilot=autopilot, port=port, data_dir=data_dir, say=click.echo)
+
+
+@cli.command()
+@click.argument("name", required=False)
+@click.option("--quick", is_flag=True, help="A small version of the same, in seconds.")
+@click.option("--mesh", type=click.Path(path_type=Path), help="A mesh of your own (coverage).")
+@json_option
+def bench(name: str | None, quick: bool, mesh: Path | None, as_json: bool) -> None:
+    """List the benchmarks, or run the one called NAME."""
+    from gcs.services.benchmarks.registry import list_benchmarks, run_benchmark
+
+    if name is None:
+        for known, about in list_benchmarks().items():
+            click.echo(f"{known:14s} {about}")
+        return
+    result: dict[str, Any] = run_benchmark(name, quick=quick, mesh=mesh)
+    if not as_json:
+        for row in result["rows"]:
+            reference = "" if row["reference_value"] is None else f"   {row['reference']} {row['reference_value']:.6g}"
+            click.echo(f"{row['case']:28s} {row['figure']:16s} {row['value']:.6g} {row['unit']}{reference}")
+    click.echo(json.dumps(result) if as_json else "")
+
+
+def _run(job: Coroutine[Any, Any, T]) -> T:
+    import asyncio
+
+    return asyncio.run(job)
+
+
+def main() -> None:
+    """Run the command line; a `GcsError` becomes one line and its exit status."""
+    try:
+        cli.main(standalone_mode=False)
+    except GcsError as error:
+        click.echo(f"gcs: {error}", err=True)
+        sys.exit(error.exit_status)
+    except click.UsageError as error:
+        error.show()
+        sys.exit(InputError.exit_status)
+    except (click.Abort, KeyboardInterrupt):
+        sys.exit(130)
+
+
+if __name__ == "__main__":
+    main()
