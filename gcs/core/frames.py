@@ -81,3 +81,10 @@ def enu_from_geodetic(
         anchor.altitude_m,
     )
     return np.stack([np.asarray(c, dtype=np.float64) for c in enu], axis=-1)
+
+
+def rigid_between(anchor: GeoPoint, origin: GeoPoint) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Rotation (3, 3) and shift (3,) that take scene ENU about `anchor` to ENU about `origin`: `R @ p + t`."""
+    corners = np.vstack([np.zeros(3), np.eye(3)])
+    there = enu_from_geodetic(*geodetic_from_enu(corners, anchor), origin)
+    return (there[1:] - there[0]).T, there[0]

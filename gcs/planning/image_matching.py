@@ -1,4 +1,4 @@
-"""Which picture belongs to which viewpoint: by sequence, position and view direction.
+"""Which picture belongs to which viewpoint: by sequence, position and heading.
 
 Pictures and viewpoints are both in time order, so the match is an alignment of two sequences: pictures may be missing
 (a capture failed), and pictures may be extra (a test shot), but the order is kept. The alignment of least cost is
@@ -19,22 +19,22 @@ MAX_DISTANCE_M = 1.5
 """A picture taken further from a viewpoint than this is not of that viewpoint (fix error and hold error together)."""
 
 MAX_ANGLE_RAD = math.radians(25.0)
-"""A picture whose view direction is further off than this is not of that viewpoint."""
+"""A picture whose heading is further off than this is not of that viewpoint."""
 
 
 def match_images(
     positions_m: NDArray[np.float64],
-    directions: NDArray[np.float64],
+    headings_rad: NDArray[np.float64],
     viewpoint_positions_m: NDArray[np.float64],
-    viewpoint_directions: NDArray[np.float64],
+    viewpoint_headings_rad: NDArray[np.float64],
 ) -> list[int | None]:
     """Assign pictures, in the order they were taken, to viewpoints, in visiting order.
 
     Args:
         positions_m: where each picture was taken, scene ENU, shape (N, 3); NaN rows where not known.
-        directions: unit view direction of each picture, shape (N, 3); NaN rows where not known.
+        headings_rad: where each picture looks, as an angle in the plane, shape (N,); NaN where not known.
         viewpoint_positions_m: shape (M, 3).
-        viewpoint_directions: unit, shape (M, 3).
+        viewpoint_headings_rad: in the same sense, shape (M,); NaN where the view is too steep to have one.
 
     Returns:
         For every picture the viewpoint's index, or None for a picture of no viewpoint. A viewpoint is given to at most
@@ -45,8 +45,8 @@ def match_images(
     if n == 0 or m == 0:
         return [None] * n
     distance = np.linalg.norm(positions_m[:, None] - viewpoint_positions_m[None], axis=2)
-    cosine = np.clip(np.einsum("ik,jk->ij", directions, viewpoint_directions), -1.0, 1.0)
-    angle = np.where(np.isnan(cosine), 0.0, np.arccos(np.where(np.isnan(cosine), 1.0, cosine)))
+    turn = np.abs((headings_rad[:, None] - viewpoint_headings_rad[None] + np.pi) % (2 * np.pi) - np.pi)
+    angle = np.where(np.isnan(turn), 0.0, turn)
     same_place = np.eye(n, m, dtype=bool) if n == m else np.zeros((n, m), dtype=bool)
     unknown = np.isnan(distance)
     allowed = np.where(unknown, same_place, (distance <= MAX_DISTANCE_M) & (angle <= MAX_ANGLE_RAD))

@@ -49,12 +49,10 @@ class FlightTracker:
         self._viewpoints = np.array([v.position_m for v in plan.viewpoints]).reshape(-1, 3)
         self._ids = [v.id for v in plan.viewpoints]
         self.visits: dict[int, float] = dict(visits or {})
-        self.max_cross_track_m: float | None = None
 
     def observe(self, position_m: NDArray[np.float64]) -> Observation:
         """Take a position of the vehicle, scene ENU, shape (3,)."""
         cross_track = self._distance_from_curve(position_m)
-        self.max_cross_track_m = max(self.max_cross_track_m or 0.0, cross_track)
         news: dict[int, float] = {}
         for k in np.flatnonzero(np.linalg.norm(self._viewpoints - position_m, axis=1) <= REACHED_M):
             viewpoint, miss = self._ids[k], float(np.linalg.norm(self._viewpoints[k] - position_m))

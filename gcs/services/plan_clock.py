@@ -28,13 +28,14 @@ class PlanClock:
     Args:
         start_s: plan time to begin at.
         slew: largest change of the rate per second of vehicle time.
+        paused: begin at a standstill, and wait for `resume`.
     """
 
-    def __init__(self, start_s: float = 0.0, *, slew: float = 0.4) -> None:
+    def __init__(self, start_s: float = 0.0, *, slew: float = 0.4, paused: bool = False) -> None:
         self._time = start_s
-        self._rate = 1.0
+        self._rate = 0.0 if paused else 1.0
         self._slew = slew
-        self._paused = False
+        self._paused = paused
         self._vehicle_s: float | None = None
         self.gate_s = math.inf
 

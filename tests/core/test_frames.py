@@ -13,6 +13,7 @@ from gcs.core.frames import (
     geodetic_from_enu,
     heading_from_yaw,
     ned_from_enu,
+    rigid_between,
     wrap_angle,
     yaw_from_heading,
 )
@@ -51,3 +52,13 @@ def test_a_metre_north_is_the_meridian_radius_of_curvature():
 def test_there_and_back_again():
     enu = np.random.default_rng(1).uniform(-2000, 2000, (50, 3))
     np.testing.assert_allclose(enu_from_geodetic(*geodetic_from_enu(enu, ANCHOR), ANCHOR), enu, atol=1e-6)
+
+
+def test_the_way_between_two_local_frames_is_rigid_and_exact():
+    origin = GeoPoint(31.3655, 121.6122, 9.0)
+    rotation, shift = rigid_between(ANCHOR, origin)
+    np.testing.assert_allclose(rotation @ rotation.T, np.eye(3), atol=1e-7)
+    p = np.array([120.0, -80.0, 60.0])
+    np.testing.assert_allclose(
+        rotation @ p + shift, enu_from_geodetic(*geodetic_from_enu(p, ANCHOR), origin), atol=1e-4
+    )

@@ -7,7 +7,7 @@ import pytest
 
 from gcs.planning.image_matching import MAX_DISTANCE_M, match_images
 
-NORTH, EAST = np.array([0.0, 1.0, 0.0]), np.array([1.0, 0.0, 0.0])
+NORTH, EAST = np.pi / 2, 0.0
 
 
 @pytest.fixture
@@ -33,7 +33,7 @@ def test_a_missing_picture_leaves_the_others_where_they_belong(scene, missing):
 def test_a_test_shot_on_the_ground_belongs_to_none(scene):
     positions, directions = scene
     extra = np.vstack([[[-20.0, -20, 0]], positions])
-    assert match_images(extra, np.vstack([[NORTH], directions]), positions, directions) == [None, 0, 1, 2, 3, 4]
+    assert match_images(extra, np.concatenate([[NORTH], directions]), positions, directions) == [None, 0, 1, 2, 3, 4]
 
 
 def test_a_picture_in_the_wrong_direction_is_not_taken_for_the_right_one(scene):
@@ -51,9 +51,15 @@ def test_a_doubled_picture_is_matched_once(scene):
 
 def test_without_positions_only_complete_sets_are_matched(scene):
     positions, directions = scene
-    nowhere = np.full_like(positions, np.nan)
-    assert match_images(nowhere, nowhere, positions, directions) == [0, 1, 2, 3, 4]
-    assert match_images(nowhere[:4], nowhere[:4], positions, directions) == [None] * 4
+    nowhere, anyhow = np.full_like(positions, np.nan), np.full(5, np.nan)
+    assert match_images(nowhere, anyhow, positions, directions) == [0, 1, 2, 3, 4]
+    assert match_images(nowhere[:4], anyhow[:4], positions, directions) == [None] * 4
+
+
+def test_headings_are_compared_around_the_circle(scene):
+    positions, _ = scene
+    west, nearly = np.full(5, np.pi), np.full(5, -np.pi + 0.1)
+    assert match_images(positions, nearly, positions, west) == [0, 1, 2, 3, 4]
 
 
 def test_against_all_alignments_of_small_cases():
@@ -61,7 +67,7 @@ def test_against_all_alignments_of_small_cases():
     for _ in range(30):
         n, m = rng.integers(1, 5, 2)
         p, q = rng.uniform(0, 2.5, (n, 3)), rng.uniform(0, 2.5, (m, 3))
-        d = np.tile(NORTH, (5, 1))
+        d = np.full(5, NORTH)
         distance = np.linalg.norm(p[:, None] - q[None], axis=2)
         most = 0
         for k in range(min(n, m), 0, -1):
@@ -76,4 +82,4 @@ def test_against_all_alignments_of_small_cases():
 
 def test_nothing_to_match():
     none = np.zeros((0, 3))
-    assert match_images(none, none, np.zeros((2, 3)), np.tile(NORTH, (2, 1))) == []
+    assert match_images(none, np.zeros(0), np.zeros((2, 3)), np.zeros(2)) == []

@@ -22,7 +22,6 @@ def test_cross_track_is_the_distance_from_the_line_also_between_samples(plan):
     for x in np.linspace(0.3, 99.7, 41):
         assert tracker.observe(np.array([x, 0.6, 0.8])).cross_track_m == pytest.approx(1.0, abs=1e-9)
     assert tracker.observe(np.array([-3.0, 4.0, 0.0])).cross_track_m == pytest.approx(5.0)
-    assert tracker.max_cross_track_m == pytest.approx(5.0)
 
 
 def test_viewpoints_are_reached_within_half_a_metre_and_the_best_miss_counts(plan):

@@ -54,3 +54,12 @@ def test_a_clock_that_jumps_or_goes_back_does_not_move_the_plan_far():
     assert clock.read(500.0).time_s <= MAX_STEP_S
     before = clock.time_s
     assert clock.read(3.0).time_s == before
+
+
+def test_it_can_begin_at_a_standstill_and_pick_up_speed():
+    clock = PlanClock(7.0, slew=0.5, paused=True)
+    clock.read(0.0)
+    assert clock.read(1.0).time_s == 7.0
+    clock.resume()
+    assert clock.read(1.5).rate == pytest.approx(0.25)
+    assert clock.read(2.0).time_s == pytest.approx(7.0 + 0.5 * 0.5 * 1.0**2)

@@ -97,14 +97,14 @@ def test_an_unknown_home_is_refused(plan):
 
 
 def limits(**changes):
-    values = dict(
-        max_speed_m_s=6.0,
-        max_climb_m_s=3.0,
-        max_descent_m_s=1.0,
-        max_acceleration_m_s2=3.0,
-        offboard_timeout_s=1.0,
-        return_altitude_m=30.0,
-    )
+    values = {
+        "max_speed_m_s": 6.0,
+        "max_climb_m_s": 3.0,
+        "max_descent_m_s": 1.0,
+        "max_acceleration_m_s2": 3.0,
+        "offboard_timeout_s": 1.0,
+        "return_altitude_m": 30.0,
+    }
     return VehicleLimits(**(values | changes))
 
 

@@ -1,0 +1,107 @@
+"""The station as an ASGI application: doors, routes, live stream, dashboard."""
+
+from __future__ import annotations
+
+from collections.abc import AsyncIterator, Callable
+from contextlib import asynccontextmanager
+from typing import Any
+
+from fastapi import FastAPI
+from fastapi.openapi.utils import get_openapi
+from pydantic import TypeAdapter
+from starlette.staticfiles import StaticFiles
+
+import gcs
+from gcs.api import live
+from gcs.api.doors import Doors
+from gcs.api.pages import pages_router
+from gcs.api.problems import MEDIA_TYPE, add_problem_handlers
+from gcs.api.routes import flights, images, plans, status, structures, vehicles
+from gcs.api.schemas.base import Problem
+from gcs.api.schemas.live import LiveMessage
+from gcs.api.session_token import session_token
+from gcs.api.settings import StationSettings
+from gcs.core.errors import GcsError
+from gcs.services.station import StationServices
+from gcs.storage.data_directory import make_data_directory
+
+ServicesFactory = Callable[[StationSettings], StationServices]
+
+
+def default_services(settings: StationSettings) -> StationServices:
+    """The services of a real station."""
+    return StationServices(settings.data_dir, links=settings.links)
+
+
+def create_app(
+    settings: StationSettings,
+    *,
+    services: ServicesFactory = default_services,
+    on_failure: Callable[[GcsError], None] | None = None,
+) -> FastAPI:
+    """Build the application; services are opened with its lifespan and closed with it.
+
+    Args:
+        settings: of the station. `port` must be the one that it really listens on.
+        services: makes the services; tests put others in.
+        on_failure: told why the services could not be opened; the ASGI server then ends without a stack trace.
+
+    Raises:
+        StorageError: the data directory cannot be used.
+    """
+
+    @asynccontextmanager
+    async def lifespan(app: FastAPI) -> AsyncIterator[None]:
+        running = services(settings)
+        app.state.services = running
+        try:
+            async with running.running(live.render_live):
+                yield
+        except GcsError as error:
+            if on_failure is None:
+                raise
+            on_failure(error)
+            raise SystemExit(error.exit_status) from None
+
+    make_data_directory(settings.data_dir)
+    token = session_token(settings.data_dir)
+    app = FastAPI(
+        title="gcs",
+        version=gcs.__version__,
+        description="Ground station: plans, proves, flies and accounts for structure inspections.",
+        lifespan=lifespan,
+        docs_url=None,
+        redoc_url=None,
+        openapi_url="/api/openapi.json",
+    )
+    add_problem_handlers(app)
+    for group in (status, structures, plans, vehicles, flights, images):
+        app.include_router(group.router, prefix="/api", responses={"default": {"model": Problem}})
+    app.include_router(live.router, prefix="/api")
+    app.include_router(pages_router(settings, token))
+    app.mount("/", StaticFiles(directory=settings.dashboard_dir, check_dir=False))
+    app.add_middleware(Doors, settings=settings, token=token)
+    app.openapi = lambda: openapi_document(app)  # type: ignore[method-assign]  # as FastAPI's documentation has it
+    return app
+
+
+def openapi_document(app: FastAPI) -> dict[str, Any]:
+    """The OpenAPI document, with problem documents as errors and the live stream's messages among the components."""
+    if app.openapi_schema:
+        return app.openapi_schema
+    document = get_openapi(
+        title=app.title, version=app.version, description=app.description, routes=app.routes, openapi_version="3.1.0"
+    )
+    for path in document["paths"].values():
+        for operation in path.values():
+            error = operation["responses"]["default"]
+            error["description"] = "What went wrong."
+            error["content"] = {MEDIA_TYPE: error["content"].pop("application/json")}
+    components: dict[str, Any] = document["components"]["schemas"]
+    messages = TypeAdapter(LiveMessage).json_schema(mode="serialization", ref_template="#/components/schemas/{model}")
+    for name, schema in messages.pop("$defs").items():
+        components.setdefault(name, schema)
+    components["LiveMessage"] = messages
+    document["components"]["schemas"] = dict(sorted(components.items()))
+    app.openapi_schema = document
+    return document

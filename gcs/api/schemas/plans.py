@@ -1,0 +1,130 @@
+"""Plans: asked for, listed, and in full for drawing."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from pydantic import Field
+
+from gcs.api.schemas.base import Box, CableLine, Failure, GeoPosition, Point3, Sent, Taken
+from gcs.storage.records import JobState, PlanState
+
+
+class PlanRequest(Taken):
+    """Ask for a plan."""
+
+    scenario: dict[str, Any] = Field(
+        description="A scenario as in a scenario file. Meshes are named by the `source` of a structure of this station."
+    )
+
+
+class JobInfo(Sent):
+    """How far a planning job is."""
+
+    id: str
+    plan_id: str
+    state: JobState
+    stage: str
+    fraction: float = Field(description="Share of the present stage that is done, 0 to 1.")
+    created_at: str
+    finished_at: str | None
+
+
+class PlanReport(Sent):
+    """The figures of `report.json`."""
+
+    length_m: float
+    path_length_m: float
+    duration_s: float
+    mean_deviation_m: float
+    max_deviation_m: float
+    min_clearance_m: float
+    max_speed_m_s: float
+    max_acceleration_m_s2: float
+    max_jerk_m_s3: float
+    corridor_violation_m: float
+    worst_viewpoint_miss_m: float
+    viewpoints: int
+    coverage: float | None
+    coverable: float | None
+    tour_cost: float
+    tour_lower_bound: float
+    tour_metric: str
+    energy_wh: float
+    open_sky: float
+    mission_items: int | None = Field(description="None when the plan was written without mission files.")
+    stages_s: dict[str, float]
+
+
+class PlanSummary(Sent):
+    """One plan of the list. Only a `ready` plan has a report, files and a drawing."""
+
+    id: str
+    name: str
+    created_at: str
+    state: PlanState
+    plan_hash: str | None = Field(description="SHA-256 of the bytes of plan.json.")
+    report: PlanReport | None
+    failure: Failure | None
+    job: JobInfo | None
+    files: list[str]
+
+
+class PlanAccepted(Sent):
+    """A plan that is being made."""
+
+    plan: PlanSummary
+    job: JobInfo
+
+
+class ViewpointInfo(Sent):
+    """A place from which one picture is taken, at standstill."""
+
+    id: int
+    name: str
+    position_m: Point3
+    direction: Point3
+    up: Point3
+    gsd_mm: float
+    time_s: float
+    yaw_deg: float = Field(description="From east, counter-clockwise.")
+    gimbal_pitch_deg: float = Field(description="0 level, negative down.")
+
+
+class TrajectorySamples(Sent):
+    """The curve that is flown, sampled; columns of equal length."""
+
+    t_s: list[float]
+    position_m: list[Point3]
+    speed_m_s: list[float]
+    yaw_deg: list[float]
+    gimbal_pitch_deg: list[float]
+
+
+class CoverageSamples(Sent):
+    """How the sampled sides of the surface are seen; columns of equal length."""
+
+    points_m: list[Point3]
+    normals: list[Point3]
+    seen: list[bool]
+    coverable: list[bool]
+    samples: int = Field(description="How many the certificate used; the columns may hold a thinned-out part of them.")
+
+
+class PlanDetail(Sent):
+    """A ready plan for drawing. The structure's triangles are in files/structure.ply."""
+
+    id: str
+    name: str
+    plan_hash: str
+    anchor: GeoPosition
+    home_m: Point3
+    ground_m: float | None
+    scenario: dict[str, Any]
+    cables: list[CableLine]
+    viewpoints: list[ViewpointInfo]
+    path_m: list[Point3]
+    trajectory: TrajectorySamples
+    corridor: list[Box]
+    coverage: CoverageSamples | None
+    report: PlanReport

@@ -1,0 +1,144 @@
+"""Runs a station until it is interrupted."""
+
+from __future__ import annotations
+
+import asyncio
+import errno
+import socket
+import sys
+from contextlib import suppress
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from gcs.api.settings import StationSettings
+from gcs.core.errors import GcsError, InputError
+from gcs.storage.data_directory import default_data_directory
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    import uvicorn
+
+SHUTDOWN_TIMEOUT_S = 5
+
+
+def listening_socket(host: str, port: int) -> socket.socket:
+    """Take the port; 0 takes any free one.
+
+    Raises:
+        InputError: the port is taken, or the address is not one of this machine.
+    """
+    try:
+        family, kind, protocol, _, address = socket.getaddrinfo(
+            host, port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE
+        )[0]
+    except OSError as error:
+        raise InputError(f"{host} is not an address: {error.strerror}", field="--host") from None
+    taken = socket.socket(family, kind, protocol)
+    try:
+        taken.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        taken.bind(address)
+        taken.listen(128)
+    except OSError as error:
+        taken.close()
+        if error.errno == errno.EADDRINUSE:
+            message = f"port {port} is taken by another program: end it, or give another port"
+            raise InputError(message, field="--port") from None
+        field = "--port" if error.errno == errno.EACCES else "--host"
+        raise InputError(f"cannot listen on {host}:{port}: {error.strerror}", field=field) from None
+    return taken
+
+
+async def run_station(
+    settings: StationSettings,
+    *,
+    ready: Callable[[StationSettings], None],
+    stop: asyncio.Event | None = None,
+) -> None:
+    """Run a station until it is interrupted or `stop` is set.
+
+    Args:
+        settings: port 0 takes any free port.
+        ready: called once with the settings that hold when the station answers.
+        stop: ends the station when set.
+
+    Raises:
+        InputError: the port is taken.
+        GcsError: the station cannot start; the reason.
+    """
+    import uvicorn
+
+    from gcs.api.app import create_app
+
+    taken = listening_socket(settings.host, settings.port)
+    try:
+        settings = replace(settings, port=taken.getsockname()[1])
+        failure: list[GcsError] = []
+        app = create_app(settings, on_failure=failure.append)
+        config = uvicorn.Config(
+            app,
+            log_level="warning",
+            lifespan="on",
+            server_header=False,
+            ws_max_size=1 << 16,
+            timeout_graceful_shutdown=SHUTDOWN_TIMEOUT_S,
+        )
+        server = uvicorn.Server(config)
+        watching = asyncio.create_task(_watch(server, lambda: ready(settings), stop))
+        try:
+            await server.serve(sockets=[taken])
+        finally:
+            watching.cancel()
+            with suppress(asyncio.CancelledError):
+                await watching
+        if failure:
+            raise failure[0]
+    finally:
+        taken.close()
+
+
+async def _watch(server: uvicorn.Server, ready: Callable[[], None], stop: asyncio.Event | None) -> None:
+    while not server.started:  # noqa: ASYNC110 - uvicorn tells it in no other way
+        await asyncio.sleep(0.02)
+    ready()
+    if stop is not None:
+        await stop.wait()
+        server.should_exit = True
+
+
+def serve(
+    host: str,
+    port: int,
+    data_dir: Path | None,
+    *,
+    links: tuple[str, ...] = (),
+    ready: Callable[[StationSettings], None] | None = None,
+) -> None:
+    """`gcs serve`: run a station until it is interrupted, and say where it is.
+
+    Args:
+        host: address to listen on.
+        port: TCP port; 0 takes any free one.
+        data_dir: where everything is kept; None for the default.
+        links: MAVLink URLs to open besides those kept from earlier runs.
+        ready: called when the station answers; by default it is said on standard output.
+    """
+    settings = StationSettings(data_dir=data_dir or default_data_directory(), host=host, port=port, links=links)
+    with suppress(KeyboardInterrupt):
+        asyncio.run(run_station(settings, ready=ready or announce))
+
+
+def announce(settings: StationSettings) -> None:
+    """Say on standard output where the station is."""
+    lines = [
+        f"gcs is ready: {settings.url}",
+        f"data: {settings.data_dir}",
+        f"scripts: Authorization: Bearer $(cat {settings.data_dir / 'token'})",
+    ]
+    if not settings.is_loopback:
+        lines.append(
+            f"{settings.host} can be reached from other machines: they need the token, and nothing is encrypted"
+        )
+    sys.stdout.write("\n".join(lines) + "\n")
+    sys.stdout.flush()

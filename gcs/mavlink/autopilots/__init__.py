@@ -1,0 +1,1 @@
+"""The flight stacks: one class for each, which alone knows its quirks."""

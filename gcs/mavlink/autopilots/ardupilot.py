@@ -1,0 +1,271 @@
+"""ArduCopter: mode numbers, sequences and parameter names (as measured on 4.7)."""
+
+from __future__ import annotations
+
+import math
+
+from gcs.core.errors import RefusedError
+from gcs.core.mission import Command
+from gcs.core.vehicle import Autopilot, Failsafe, FlightMode, MissionProgress, MissionState, VehicleLimits
+from gcs.mavlink.autopilots.base import (
+    CommandCall,
+    FlightControl,
+    FlightStack,
+    ParameterValues,
+    failsafe,
+    positive,
+    setting,
+)
+from gcs.mavlink.dialect import mavlink
+
+AUTO, GUIDED, LOITER, RTL, LAND, BRAKE = 3, 4, 5, 6, 9, 17
+MODE_NAMES = {
+    0: "STABILIZE",
+    1: "ACRO",
+    2: "ALT_HOLD",
+    3: "AUTO",
+    4: "GUIDED",
+    5: "LOITER",
+    6: "RTL",
+    7: "CIRCLE",
+    9: "LAND",
+    11: "DRIFT",
+    13: "SPORT",
+    14: "FLIP",
+    15: "AUTOTUNE",
+    16: "POSHOLD",
+    17: "BRAKE",
+    18: "THROW",
+    19: "AVOID_ADSB",
+    20: "GUIDED_NOGPS",
+    21: "SMART_RTL",
+    22: "FLOWHOLD",
+    23: "FOLLOW",
+    24: "ZIGZAG",
+    25: "SYSTEMID",
+    26: "AUTOROTATE",
+    27: "AUTO_RTL",
+    28: "TURTLE",
+}
+_OF_NUMBER = {
+    AUTO: FlightMode.MISSION,
+    GUIDED: FlightMode.OFFBOARD,
+    LOITER: FlightMode.HOLD,
+    BRAKE: FlightMode.HOLD,
+    RTL: FlightMode.RETURN,
+    21: FlightMode.RETURN,
+    27: FlightMode.RETURN,
+    LAND: FlightMode.LAND,
+} | dict.fromkeys((0, 1, 2, 11, 13, 16, 22), FlightMode.MANUAL)
+_NUMBERS = {
+    FlightMode.MISSION: AUTO,
+    FlightMode.OFFBOARD: GUIDED,
+    FlightMode.HOLD: BRAKE,
+    FlightMode.RETURN: RTL,
+    FlightMode.LAND: LAND,
+}
+_CENTIMETRES = 0.01
+
+
+class ArduPilot(FlightStack):
+    """ArduPilot multicopters."""
+
+    autopilot = Autopilot.ARDUPILOT
+    limit_parameters = (
+        "WPNAV_SPEED",
+        "WPNAV_SPEED_UP",
+        "WPNAV_SPEED_DN",
+        "WPNAV_ACCEL",
+        "GUID_TIMEOUT",
+        "RTL_ALT",
+    )
+    failsafe_parameters = (
+        "FS_GCS_ENABLE",
+        "FS_GCS_TIMEOUT",
+        "FS_THR_ENABLE",
+        "FS_OPTIONS",
+        "BATT_FS_LOW_ACT",
+        "FENCE_ENABLE",
+        "FENCE_ACTION",
+        "GUID_TIMEOUT",
+        "RTL_ALT",
+    )
+
+    def flight_mode(self, custom_mode: int) -> tuple[FlightMode, str]:
+        """See FlightStack; GUIDED, which follows setpoints, is OFFBOARD here."""
+        mode = _OF_NUMBER.get(custom_mode, FlightMode.OTHER)
+        return mode, MODE_NAMES.get(custom_mode, f"mode {custom_mode}")
+
+    def custom_mode(self, mode: FlightMode) -> int | None:
+        """See FlightStack; HOLD is BRAKE, which needs no stick in the middle. There is no mode for a take-off."""
+        return _NUMBERS.get(mode)
+
+    def mode_command(self, custom_mode: int) -> CommandCall:
+        """See FlightStack."""
+        flag = mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED
+        return CommandCall(mavlink.MAV_CMD_DO_SET_MODE, (float(flag), float(custom_mode)))
+
+    async def start_mission(self, control: FlightControl) -> None:
+        """See FlightStack: AUTO cannot be armed in, so GUIDED, arm, AUTO, MISSION_START."""
+        await control.switch_mode(GUIDED)
+        mission = control.telemetry.mission
+        if mission is None or mission.value.current > 1:
+            await control.set_current_item(0)
+        await control.arm_motors()
+        await control.switch_mode(AUTO)
+        await control.command(CommandCall(mavlink.MAV_CMD_MISSION_START))
+        await control.until_mission_state(MissionState.ACTIVE)
+
+    async def pause(self, control: FlightControl) -> None:
+        """See FlightStack: in AUTO the mission itself is paused, and the mode stays."""
+        mode = control.telemetry.mode
+        if mode is not None and mode.value is FlightMode.MISSION:
+            await control.command(CommandCall(mavlink.MAV_CMD_DO_PAUSE_CONTINUE, (0.0,)))
+            await control.until_mission_state(MissionState.PAUSED)
+        else:
+            await control.switch_mode(BRAKE)
+
+    async def resume_mission(self, control: FlightControl) -> None:
+        """See FlightStack."""
+        mode = control.telemetry.mode
+        if mode is not None and mode.value is FlightMode.MISSION:
+            await control.command(CommandCall(mavlink.MAV_CMD_DO_PAUSE_CONTINUE, (1.0,)))
+        else:
+            await control.switch_mode(AUTO)
+        await control.until_mission_state(MissionState.ACTIVE)
+
+    async def take_off(self, control: FlightControl, altitude_amsl_m: float) -> None:
+        """See FlightStack: NAV_TAKEOFF in GUIDED counts its height from home, and hovers in GUIDED."""
+        home = control.telemetry.home
+        if home is None:
+            raise RefusedError("the vehicle has not told where its home is; wait for its position fix")
+        height_m = altitude_amsl_m - home.value.altitude_m
+        await control.switch_mode(GUIDED)
+        await control.arm_motors()
+        await control.command(CommandCall(Command.NAV_TAKEOFF, (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, height_m)))
+        await control.until_altitude(altitude_amsl_m, tolerance_m=0.5, timeout_s=60.0)
+
+    async def enter_offboard(self, control: FlightControl) -> None:
+        """See FlightStack."""
+        await control.switch_mode(GUIDED)
+
+    def gimbal_commands(self, pitch_rad: float) -> tuple[CommandCall, ...]:
+        """See FlightStack."""
+        targeting = float(mavlink.MAV_MOUNT_MODE_MAVLINK_TARGETING)
+        params = (math.degrees(pitch_rad), 0.0, 0.0, 0.0, 0.0, 0.0, targeting)
+        return (CommandCall(Command.DO_MOUNT_CONTROL, params),)
+
+    def picture_command(self, number: int) -> CommandCall:
+        """See FlightStack; the autopilot counts the pictures itself."""
+        del number
+        return CommandCall(Command.DO_DIGICAM_CONTROL, (0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0))
+
+    def at_last_item(self, mission: MissionProgress) -> bool:
+        """See FlightStack; home is item 0 and not counted in the total."""
+        if mission.state is MissionState.COMPLETE:
+            return True
+        return mission.total is not None and mission.current >= mission.total
+
+    def limits(self, values: ParameterValues) -> VehicleLimits:
+        """See FlightStack; RTL_ALT 0 is a return at the height it has."""
+        return VehicleLimits(
+            max_speed_m_s=positive(setting(values, "WPNAV_SPEED", _CENTIMETRES)),
+            max_climb_m_s=positive(setting(values, "WPNAV_SPEED_UP", _CENTIMETRES)),
+            max_descent_m_s=positive(setting(values, "WPNAV_SPEED_DN", _CENTIMETRES)),
+            max_acceleration_m_s2=positive(setting(values, "WPNAV_ACCEL", _CENTIMETRES)),
+            offboard_timeout_s=setting(values, "GUID_TIMEOUT"),
+            return_altitude_m=setting(values, "RTL_ALT", _CENTIMETRES),
+        )
+
+    def failsafes(self, values: ParameterValues) -> tuple[Failsafe, ...]:
+        """See FlightStack."""
+        timeout = values.get("FS_GCS_TIMEOUT")
+        after = "" if timeout is None else f" for {timeout:g} s"
+        return (
+            failsafe(
+                values,
+                "FS_GCS_ENABLE",
+                "ground-station loss",
+                {0: "does nothing when the ground station is lost"}
+                | _actions(f"when the ground station is lost{after}"),
+            ),
+            failsafe(
+                values,
+                "FS_THR_ENABLE",
+                "RC loss",
+                {0: "does nothing when the transmitter is lost"}
+                | _actions("when the transmitter is lost")
+                | {3: "lands when the transmitter is lost", 4: "returns when the transmitter is lost"},
+            ),
+            failsafe(
+                values,
+                "BATT_FS_LOW_ACT",
+                "battery",
+                {
+                    0: "only warns when the battery is low",
+                    1: "lands when the battery is low",
+                    2: "returns when the battery is low",
+                    3: "returns the way it came, or straight, when the battery is low",
+                    4: "returns the way it came, or lands, when the battery is low",
+                    5: "terminates the flight when the battery is low",
+                    7: "brakes, or lands, when the battery is low",
+                },
+            ),
+            self._fence(values),
+            self._stream_loss(values),
+            self._return(values),
+        )
+
+    @staticmethod
+    def _fence(values: ParameterValues) -> Failsafe:
+        enabled, action = values.get("FENCE_ENABLE"), values.get("FENCE_ACTION")
+        if enabled is None:
+            return Failsafe("FENCE_ENABLE", "fence", None, None, "the vehicle did not tell it")
+        if not enabled:
+            return Failsafe("FENCE_ENABLE", "fence", enabled, False, "the fence is off")
+        read = failsafe(
+            values,
+            "FENCE_ACTION",
+            "fence",
+            {
+                0: "only reports at the fence",
+                1: "returns, or lands, at the fence",
+                2: "lands at the fence",
+                3: "returns the way it came, or straight, at the fence",
+                4: "brakes, or lands, at the fence",
+                5: "returns the way it came, or lands, at the fence",
+            },
+        )
+        name = "FENCE_ACTION" if action == 0 else "FENCE_ENABLE"
+        return Failsafe(name, "fence", enabled if name == "FENCE_ENABLE" else action, read.active, read.effect)
+
+    @staticmethod
+    def _stream_loss(values: ParameterValues) -> Failsafe:
+        timeout = values.get("GUID_TIMEOUT")
+        if timeout is None:
+            return Failsafe("GUID_TIMEOUT", "offboard loss", None, None, "the vehicle did not tell it")
+        effect = f"flies on for {timeout:g} s at the last velocity when setpoints stop, then brakes and stays in GUIDED"
+        return Failsafe("GUID_TIMEOUT", "offboard loss", timeout, timeout > 0, effect)
+
+    @staticmethod
+    def _return(values: ParameterValues) -> Failsafe:
+        altitude = setting(values, "RTL_ALT", _CENTIMETRES)
+        if altitude is None:
+            return Failsafe("RTL_ALT", "return", None, None, "the vehicle did not tell it")
+        effect = f"climbs to at least {altitude:g} m above home before it returns"
+        if altitude == 0:
+            effect = "returns at the height it has"
+        return Failsafe("RTL_ALT", "return", values.get("RTL_ALT"), True, effect)
+
+
+def _actions(when: str) -> dict[int, str]:
+    """What the choices of FS_GCS_ENABLE do; those of FS_THR_ENABLE differ for 3 and 4."""
+    return {
+        1: f"returns {when}",
+        2: f"goes on with a mission, otherwise returns, {when}",
+        3: f"returns the way it came, or straight, {when}",
+        4: f"returns the way it came, or lands, {when}",
+        5: f"lands {when}",
+        6: f"flies to its landing sequence, or returns, {when}",
+        7: f"brakes, or lands, {when}",
+    }

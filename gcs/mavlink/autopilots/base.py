@@ -1,0 +1,177 @@
+"""What differs from one flight stack to another, and the little that a stack may ask of a vehicle."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Protocol
+
+from gcs.core.vehicle import Autopilot, Failsafe, FlightMode, MissionProgress, MissionState, Telemetry, VehicleLimits
+
+ParameterValues = Mapping[str, float | None]
+NAN = float("nan")
+
+
+@dataclass(frozen=True)
+class CommandCall:
+    """A MAV_CMD with its seven parameters, for COMMAND_LONG.
+
+    Attributes:
+        to_camera: for the vehicle's camera component, not its autopilot.
+    """
+
+    command: int
+    params: tuple[float, ...] = ()
+    to_camera: bool = False
+
+
+class FlightControl(Protocol):
+    """What a stack's sequences may ask of the vehicle; every call returns only when the vehicle's own state shows it.
+
+    All raise RefusedError (with the vehicle's words) or LinkError.
+    """
+
+    @property
+    def telemetry(self) -> Telemetry:
+        """The newest values heard."""
+        ...
+
+    async def switch_mode(self, custom_mode: int, *, timeout_s: float = 5.0) -> None:
+        """Command a mode by its number and wait until heartbeats show it."""
+        ...
+
+    async def command(self, call: CommandCall, *, brings_mode: int | None = None) -> None:
+        """Send a command and wait for its acceptance.
+
+        Args:
+            call: the command.
+            brings_mode: the mode number that the autopilot changes to because of it, if any.
+        """
+        ...
+
+    async def arm_motors(self) -> None:
+        """Arm without force and wait until heartbeats show it; nothing is sent to an armed vehicle."""
+        ...
+
+    async def until_mission_state(self, *states: MissionState, timeout_s: float = 5.0) -> None:
+        """Wait until MISSION_CURRENT tells one of the states; at once when the vehicle tells no mission states."""
+        ...
+
+    async def until_altitude(self, altitude_amsl_m: float, *, tolerance_m: float, timeout_s: float) -> None:
+        """Wait until the vehicle is no lower than `altitude_amsl_m - tolerance_m`."""
+        ...
+
+    async def set_current_item(self, sequence: int) -> None:
+        """Make an item of the mission the current one and wait until MISSION_CURRENT shows it."""
+        ...
+
+
+class FlightStack(ABC):
+    """One flight stack: its mode numbers, sequences, commands and parameter names. It holds no state."""
+
+    autopilot: Autopilot
+    bytewise_parameters = False
+    """Whether whole-number parameters travel as their bytes inside the float, not as a float of the same value."""
+    limit_parameters: tuple[str, ...] = ()
+    failsafe_parameters: tuple[str, ...] = ()
+
+    @abstractmethod
+    def flight_mode(self, custom_mode: int) -> tuple[FlightMode, str]:
+        """The mode in common words, and the stack's own name of it."""
+
+    @abstractmethod
+    def custom_mode(self, mode: FlightMode) -> int | None:
+        """The number to command for a mode; None when the stack has none for it."""
+
+    @abstractmethod
+    def mode_command(self, custom_mode: int) -> CommandCall:
+        """The DO_SET_MODE that asks for a mode number."""
+
+    @abstractmethod
+    async def start_mission(self, control: FlightControl) -> None:
+        """Arm and start the mission that is on the vehicle, from its first item."""
+
+    @abstractmethod
+    async def pause(self, control: FlightControl) -> None:
+        """Stop and hover."""
+
+    @abstractmethod
+    async def resume_mission(self, control: FlightControl) -> None:
+        """Go on with the mission where it was paused."""
+
+    @abstractmethod
+    async def take_off(self, control: FlightControl, altitude_amsl_m: float) -> None:
+        """Arm, climb straight up to an altitude and hover there."""
+
+    @abstractmethod
+    async def enter_offboard(self, control: FlightControl) -> None:
+        """Make the vehicle follow setpoints, which are being streamed already."""
+
+    @abstractmethod
+    def gimbal_commands(self, pitch_rad: float) -> tuple[CommandCall, ...]:
+        """Commands that turn the camera to a pitch (rad above the horizon), straight ahead of the vehicle."""
+
+    @abstractmethod
+    def picture_command(self, number: int) -> CommandCall:
+        """The command that takes one picture; `number` counts from 1 and is not used twice."""
+
+    @abstractmethod
+    def limits(self, values: ParameterValues) -> VehicleLimits:
+        """What `limit_parameters` allow."""
+
+    @abstractmethod
+    def failsafes(self, values: ParameterValues) -> tuple[Failsafe, ...]:
+        """What `failsafe_parameters` do, in plain words."""
+
+    def own_successors(self, mode: FlightMode, mission: MissionProgress | None) -> frozenset[FlightMode]:
+        """Modes that the autopilot changes to by itself, in the regular course of what it was told to do.
+
+        TAKEOFF ends in HOLD or goes on into MISSION; RETURN ends in HOLD or LAND; a MISSION that is complete, or at its
+        last item, ends in HOLD, RETURN or LAND. From every other mode (OFFBOARD, HOLD, LAND, MANUAL, ...) nothing is
+        regular while the vehicle is armed.
+        """
+        if mode is FlightMode.TAKEOFF:
+            return frozenset({FlightMode.HOLD, FlightMode.MISSION})
+        if mode is FlightMode.RETURN:
+            return frozenset({FlightMode.HOLD, FlightMode.LAND})
+        if mode is FlightMode.MISSION and mission is not None and self.at_last_item(mission):
+            return frozenset({FlightMode.HOLD, FlightMode.RETURN, FlightMode.LAND})
+        return frozenset()
+
+    def at_last_item(self, mission: MissionProgress) -> bool:
+        """Whether a mission is complete or flies its last item."""
+        if mission.state is MissionState.COMPLETE:
+            return True
+        return mission.total is not None and mission.current >= mission.total - 1
+
+
+def setting(values: ParameterValues, name: str, scale: float = 1.0) -> float | None:
+    """A parameter's value times a scale; None when the vehicle did not tell it."""
+    value = values.get(name)
+    return None if value is None else value * scale
+
+
+def positive(value: float | None) -> float | None:
+    """The value if it says something; many parameters use 0 or less for "no limit"."""
+    return value if value is not None and value > 0 else None
+
+
+def failsafe(
+    values: ParameterValues, name: str, about: str, effects: Mapping[int, str], *, off: frozenset[int] = frozenset({0})
+) -> Failsafe:
+    """Read one failsafe whose parameter is a choice.
+
+    Args:
+        values: the parameters that were read.
+        name: of the parameter.
+        about: what it guards against.
+        effects: choice -> what happens then.
+        off: choices that do nothing.
+    """
+    value = values.get(name)
+    if value is None:
+        return Failsafe(name, about, None, None, "the vehicle did not tell it")
+    choice = round(value)
+    effect = effects.get(choice, f"does something that this station does not know (value {choice})")
+    return Failsafe(name, about, value, choice not in off, effect)

@@ -1,0 +1,271 @@
+"""PX4: mode numbers, sequences and parameter names (as measured on 1.16)."""
+
+from __future__ import annotations
+
+import math
+
+from gcs.core.mission import Command
+from gcs.core.vehicle import Autopilot, Failsafe, FlightMode, MissionState, VehicleLimits
+from gcs.mavlink.autopilots.base import (
+    NAN,
+    CommandCall,
+    FlightControl,
+    FlightStack,
+    ParameterValues,
+    failsafe,
+    positive,
+    setting,
+)
+from gcs.mavlink.dialect import mavlink
+
+MAIN_AUTO = 4
+MAIN_NAMES = {
+    1: "MANUAL",
+    2: "ALTCTL",
+    3: "POSCTL",
+    4: "AUTO",
+    5: "ACRO",
+    6: "OFFBOARD",
+    7: "STABILIZED",
+    8: "RATTITUDE",
+    10: "TERMINATION",
+}
+AUTO_NAMES = {
+    1: "READY",
+    2: "TAKEOFF",
+    3: "LOITER",
+    4: "MISSION",
+    5: "RTL",
+    6: "LAND",
+    7: "RTGS",
+    8: "FOLLOW_TARGET",
+    9: "PRECLAND",
+    10: "VTOL_TAKEOFF",
+}
+MODES = {
+    FlightMode.OFFBOARD: (6, 0),
+    FlightMode.TAKEOFF: (MAIN_AUTO, 2),
+    FlightMode.HOLD: (MAIN_AUTO, 3),
+    FlightMode.MISSION: (MAIN_AUTO, 4),
+    FlightMode.RETURN: (MAIN_AUTO, 5),
+    FlightMode.LAND: (MAIN_AUTO, 6),
+}
+_OF_MODE = {numbers: mode for mode, numbers in MODES.items()} | {(MAIN_AUTO, 9): FlightMode.LAND}
+_MANUAL_MAINS = frozenset({1, 2, 3, 5, 7, 8})
+_FLYABLE = (MissionState.NOT_STARTED, MissionState.ACTIVE, MissionState.PAUSED, MissionState.COMPLETE)
+
+
+def custom_mode_number(main: int, sub: int) -> int:
+    """PX4's custom_mode: main mode in byte 2, sub mode in byte 3."""
+    return main << 16 | sub << 24
+
+
+class Px4(FlightStack):
+    """PX4 multicopters."""
+
+    autopilot = Autopilot.PX4
+    bytewise_parameters = True
+    limit_parameters = (
+        "MPC_XY_VEL_MAX",
+        "MPC_Z_VEL_MAX_UP",
+        "MPC_Z_VEL_MAX_DN",
+        "MPC_ACC_HOR",
+        "COM_OF_LOSS_T",
+        "RTL_RETURN_ALT",
+    )
+    failsafe_parameters = (
+        "NAV_DLL_ACT",
+        "COM_DL_LOSS_T",
+        "NAV_RCL_ACT",
+        "COM_RCL_EXCEPT",
+        "COM_RC_IN_MODE",
+        "COM_LOW_BAT_ACT",
+        "GF_ACTION",
+        "COM_OBL_RC_ACT",
+        "COM_OF_LOSS_T",
+        "RTL_RETURN_ALT",
+    )
+
+    def flight_mode(self, custom_mode: int) -> tuple[FlightMode, str]:
+        """See FlightStack."""
+        main, sub = custom_mode >> 16 & 0xFF, custom_mode >> 24 & 0xFF
+        name = MAIN_NAMES.get(main, f"mode {main}.{sub}")
+        if main == MAIN_AUTO:
+            name = f"AUTO.{AUTO_NAMES.get(sub, sub)}"
+        if main in _MANUAL_MAINS:
+            return FlightMode.MANUAL, name
+        mode = _OF_MODE.get((main, sub if main == MAIN_AUTO else 0))
+        if mode is None:
+            return (FlightMode.UNKNOWN if main == 0 else FlightMode.OTHER), name
+        return mode, name
+
+    def custom_mode(self, mode: FlightMode) -> int | None:
+        """See FlightStack."""
+        numbers = MODES.get(mode)
+        return None if numbers is None else custom_mode_number(*numbers)
+
+    def mode_command(self, custom_mode: int) -> CommandCall:
+        """See FlightStack; the first of its two COMMAND_ACKs says ACCEPTED whatever the outcome."""
+        main, sub = custom_mode >> 16 & 0xFF, custom_mode >> 24 & 0xFF
+        flag = mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED
+        return CommandCall(mavlink.MAV_CMD_DO_SET_MODE, (float(flag), float(main), float(sub)))
+
+    async def start_mission(self, control: FlightControl) -> None:
+        """See FlightStack: armed in HOLD once PX4 has found the mission flyable, then mission mode."""
+        mission = control.telemetry.mission
+        if mission is None or mission.value.current != 0 or mission.value.state is MissionState.COMPLETE:
+            await control.set_current_item(0)
+        await control.until_mission_state(*_FLYABLE)
+        await self._arm_in_hold(control)
+        await control.switch_mode(custom_mode_number(*MODES[FlightMode.MISSION]))
+        await control.until_mission_state(MissionState.ACTIVE)
+
+    async def pause(self, control: FlightControl) -> None:
+        """See FlightStack: hold mode."""
+        await control.switch_mode(custom_mode_number(*MODES[FlightMode.HOLD]))
+
+    async def resume_mission(self, control: FlightControl) -> None:
+        """See FlightStack: mission mode again."""
+        await control.switch_mode(custom_mode_number(*MODES[FlightMode.MISSION]))
+        await control.until_mission_state(MissionState.ACTIVE)
+
+    async def take_off(self, control: FlightControl, altitude_amsl_m: float) -> None:
+        """See FlightStack: NAV_TAKEOFF to an altitude above mean sea level, where PX4 goes into HOLD."""
+        await self._arm_in_hold(control)
+        take_off = CommandCall(Command.NAV_TAKEOFF, (NAN, 0.0, 0.0, NAN, NAN, NAN, altitude_amsl_m))
+        await control.command(take_off, brings_mode=custom_mode_number(*MODES[FlightMode.TAKEOFF]))
+        await control.until_altitude(altitude_amsl_m, tolerance_m=0.5, timeout_s=60.0)
+
+    async def enter_offboard(self, control: FlightControl) -> None:
+        """See FlightStack."""
+        await control.switch_mode(custom_mode_number(*MODES[FlightMode.OFFBOARD]))
+
+    async def _arm_in_hold(self, control: FlightControl) -> None:
+        """PX4 does not arm in return, landing or manual modes without sticks."""
+        armed = control.telemetry.armed
+        if armed is None or not armed.value:
+            await control.switch_mode(custom_mode_number(*MODES[FlightMode.HOLD]))
+        await control.arm_motors()
+
+    def gimbal_commands(self, pitch_rad: float) -> tuple[CommandCall, ...]:
+        """See FlightStack: gimbal manager; -2 takes control of it for the sender."""
+        flags = mavlink.GIMBAL_MANAGER_FLAGS_ROLL_LOCK | mavlink.GIMBAL_MANAGER_FLAGS_PITCH_LOCK
+        configure = CommandCall(mavlink.MAV_CMD_DO_GIMBAL_MANAGER_CONFIGURE, (-2.0, -2.0, -1.0, -1.0, 0.0, 0.0, 0.0))
+        turn = (math.degrees(pitch_rad), 0.0, NAN, NAN, float(flags), 0.0, 0.0)
+        return configure, CommandCall(Command.DO_GIMBAL_MANAGER_PITCHYAW, turn)
+
+    def picture_command(self, number: int) -> CommandCall:
+        """See FlightStack: to the camera component; the number keeps a resent command from taking two pictures."""
+        return CommandCall(Command.IMAGE_START_CAPTURE, (0.0, 0.0, 1.0, float(number)), to_camera=True)
+
+    def limits(self, values: ParameterValues) -> VehicleLimits:
+        """See FlightStack."""
+        return VehicleLimits(
+            max_speed_m_s=positive(setting(values, "MPC_XY_VEL_MAX")),
+            max_climb_m_s=positive(setting(values, "MPC_Z_VEL_MAX_UP")),
+            max_descent_m_s=positive(setting(values, "MPC_Z_VEL_MAX_DN")),
+            max_acceleration_m_s2=positive(setting(values, "MPC_ACC_HOR")),
+            offboard_timeout_s=setting(values, "COM_OF_LOSS_T"),
+            return_altitude_m=setting(values, "RTL_RETURN_ALT"),
+        )
+
+    def failsafes(self, values: ParameterValues) -> tuple[Failsafe, ...]:
+        """See FlightStack."""
+        station_s = _seconds(values, "COM_DL_LOSS_T")
+        stream_s = _seconds(values, "COM_OF_LOSS_T")
+        return (
+            failsafe(
+                values,
+                "NAV_DLL_ACT",
+                "ground-station loss",
+                {
+                    0: "does nothing when the ground station is lost",
+                    1: f"holds after {station_s} without the ground station",
+                    2: f"returns after {station_s} without the ground station",
+                    3: f"lands after {station_s} without the ground station",
+                    5: f"terminates the flight after {station_s} without the ground station",
+                    6: f"disarms after {station_s} without the ground station",
+                },
+            ),
+            self._rc_loss(values),
+            failsafe(
+                values,
+                "COM_LOW_BAT_ACT",
+                "battery",
+                {
+                    0: "only warns when the battery is low",
+                    1: "returns when the battery is critical",
+                    2: "lands when the battery is critical",
+                    3: "returns when the battery is critical, lands when it is nearly empty",
+                },
+            ),
+            failsafe(
+                values,
+                "GF_ACTION",
+                "fence",
+                {
+                    0: "does nothing at the fence",
+                    1: "only warns at the fence",
+                    2: "holds at the fence",
+                    3: "returns at the fence",
+                    4: "terminates the flight at the fence",
+                    5: "lands at the fence",
+                },
+                off=frozenset({0, 1}),
+            ),
+            failsafe(
+                values,
+                "COM_OBL_RC_ACT",
+                "offboard loss",
+                {
+                    0: f"goes to position mode {stream_s} after the last setpoint (sticks, or the RC-loss action)",
+                    1: f"goes to altitude mode {stream_s} after the last setpoint (drifts without a pilot)",
+                    2: f"goes to stabilized mode {stream_s} after the last setpoint (falls without a pilot)",
+                    3: f"returns {stream_s} after the last setpoint",
+                    4: f"lands {stream_s} after the last setpoint",
+                    5: f"holds {stream_s} after the last setpoint",
+                    6: f"terminates the flight {stream_s} after the last setpoint",
+                    7: f"disarms {stream_s} after the last setpoint",
+                },
+                off=frozenset(),
+            ),
+            _return(values),
+        )
+
+    @staticmethod
+    def _rc_loss(values: ParameterValues) -> Failsafe:
+        name, about = "NAV_RCL_ACT", "RC loss"
+        if values.get("COM_RC_IN_MODE") == 4:
+            return Failsafe(name, about, values.get(name), False, "no transmitter is used at all (COM_RC_IN_MODE 4)")
+        read = failsafe(
+            values,
+            name,
+            about,
+            {
+                0: "does nothing when the transmitter is lost",
+                1: "holds when the transmitter is lost",
+                2: "returns when the transmitter is lost",
+                3: "lands when the transmitter is lost",
+                5: "terminates the flight when the transmitter is lost",
+                6: "disarms when the transmitter is lost",
+            },
+        )
+        exempt = round(values.get("COM_RCL_EXCEPT") or 0)
+        names = [word for bit, word in ((1, "missions"), (2, "hold"), (4, "offboard")) if exempt & bit]
+        if not read.active or not names:
+            return read
+        effect = f"{read.effect}, but not in {' and '.join(names)} (COM_RCL_EXCEPT {exempt})"
+        return Failsafe(name, about, read.value, read.active, effect)
+
+
+def _seconds(values: ParameterValues, name: str) -> str:
+    value = values.get(name)
+    return "an unknown time" if value is None else f"{value:g} s"
+
+
+def _return(values: ParameterValues) -> Failsafe:
+    altitude = values.get("RTL_RETURN_ALT")
+    if altitude is None:
+        return Failsafe("RTL_RETURN_ALT", "return", None, None, "the vehicle did not tell it")
+    effect = f"climbs to at least {altitude:g} m above home before it returns"
+    return Failsafe("RTL_RETURN_ALT", "return", altitude, True, effect)

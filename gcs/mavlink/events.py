@@ -1,0 +1,190 @@
+"""What happens to a vehicle or a link, as typed events, and the streams in which they are heard."""
+
+from __future__ import annotations
+
+import asyncio
+from collections import deque
+from collections.abc import AsyncIterator, Callable
+from contextlib import asynccontextmanager
+from dataclasses import dataclass
+from enum import Enum
+from typing import Generic, TypeAlias, TypeVar
+
+from gcs.core.vehicle import FlightMode, ImageReport, ReplanReport, StatusText, Telemetry
+
+
+@dataclass(frozen=True)
+class TelemetryEvent:
+    """Something of the telemetry changed; a slow reader gets the newest only."""
+
+    telemetry: Telemetry
+
+
+@dataclass(frozen=True)
+class StatusTextEvent:
+    """The vehicle says something to people."""
+
+    status: StatusText
+
+
+@dataclass(frozen=True)
+class ModeEvent:
+    """The vehicle shows another flight mode.
+
+    Attributes:
+        commanded: whether this station asked for it.
+    """
+
+    mode: FlightMode
+    mode_name: str
+    commanded: bool
+
+
+@dataclass(frozen=True)
+class ArmedEvent:
+    """The vehicle was armed or disarmed, by whomever."""
+
+    armed: bool
+
+
+@dataclass(frozen=True)
+class ImageEvent:
+    """The vehicle reports a picture; one that it repeats is told again, with the same index."""
+
+    image: ImageReport
+
+
+@dataclass(frozen=True)
+class ReplanEvent:
+    """The vehicle reports that it left its path; complete, checked and not yet acknowledged.
+
+    Whoever stored it answers with `Vehicle.acknowledge_replan`; until then the vehicle sends it again.
+    """
+
+    report: ReplanReport
+
+
+@dataclass(frozen=True)
+class ItemReachedEvent:
+    """MISSION_ITEM_REACHED; the autopilots repeat some and leave out others."""
+
+    sequence: int
+
+
+@dataclass(frozen=True)
+class LinkLostEvent:
+    """No heartbeat for longer than the time limit; values from before keep their time stamps."""
+
+    silent_s: float
+
+
+@dataclass(frozen=True)
+class LinkBackEvent:
+    """Heartbeats are heard again."""
+
+    silent_s: float
+
+
+@dataclass(frozen=True)
+class PilotTookOverEvent:
+    """The mode changed without a command of the station, which keeps its hands off until an operator takes back."""
+
+    reason: str
+
+
+class OffboardEnd(Enum):
+    """Why a stream of setpoints ended."""
+
+    STOPPED = "stopped by its owner"
+    FINISHED = "its source has no more setpoints"
+    COMMANDED = "the station commanded another mode"
+    MODE_CHANGED = "the vehicle left the mode without a command of the station"
+    DISARMED = "the vehicle is disarmed"
+    DEADMAN = "its owner stopped feeding it"
+    LINK_LOST = "the vehicle is not heard any more"
+    SOURCE_FAILED = "its source of setpoints failed"
+
+
+@dataclass(frozen=True)
+class OffboardEndedEvent:
+    """A stream of setpoints ended; no setpoint of it follows."""
+
+    owner: str
+    end: OffboardEnd
+    detail: str
+
+
+VehicleEvent: TypeAlias = (
+    TelemetryEvent
+    | StatusTextEvent
+    | ModeEvent
+    | ArmedEvent
+    | ImageEvent
+    | ReplanEvent
+    | ItemReachedEvent
+    | LinkLostEvent
+    | LinkBackEvent
+    | PilotTookOverEvent
+    | OffboardEndedEvent
+)
+
+
+@dataclass(frozen=True)
+class VehicleFoundEvent:
+    """A vehicle was heard for the first time."""
+
+
+@dataclass(frozen=True)
+class StationEvent:
+    """An event of one of the station's vehicles."""
+
+    system_id: int
+    event: VehicleEvent | VehicleFoundEvent
+
+
+T = TypeVar("T")
+MAX_WAITING = 10_000
+"""Events that may wait for a reader; then the oldest are dropped: a flood from outside must not eat the memory."""
+
+
+class EventStream(Generic[T]):
+    """Hands every published event to every open reader.
+
+    Args:
+        replaces: tells whether a new event makes the newest waiting one superfluous.
+    """
+
+    def __init__(self, replaces: Callable[[T, T], bool] | None = None) -> None:
+        self._readers: list[tuple[deque[T], asyncio.Event]] = []
+        self._replaces = replaces
+
+    def publish(self, event: T) -> None:
+        """Hand out an event; to be called in the event loop."""
+        for waiting, ready in self._readers:
+            if waiting and self._replaces is not None and self._replaces(event, waiting[-1]):
+                waiting.pop()
+            waiting.append(event)
+            ready.set()
+
+    @asynccontextmanager
+    async def read(self) -> AsyncIterator[AsyncIterator[T]]:
+        """Hear all that is published inside the `async with` block."""
+        reader: tuple[deque[T], asyncio.Event] = (deque(maxlen=MAX_WAITING), asyncio.Event())
+        self._readers.append(reader)
+        try:
+            yield self._iterate(*reader)
+        finally:
+            self._readers.remove(reader)
+
+    @staticmethod
+    async def _iterate(waiting: deque[T], ready: asyncio.Event) -> AsyncIterator[T]:
+        while True:
+            while waiting:
+                yield waiting.popleft()
+            ready.clear()
+            await ready.wait()
+
+
+def newer_telemetry(event: object, waiting: object) -> bool:
+    """Whether `event` carries all that the waiting one does."""
+    return isinstance(event, TelemetryEvent) and isinstance(waiting, TelemetryEvent)

@@ -1,0 +1,121 @@
+"""What every link is: bytes in, messages out, and back to each peer with its own sequence numbers.
+
+Receiving happens in the event loop. Sending may be done from any thread: datagrams and bytes go straight to the
+non-blocking socket under a lock, because setpoints must not wait for a busy event loop.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import socket
+import threading
+from abc import ABC, abstractmethod
+from collections.abc import Callable
+from typing import Any, TypeAlias
+
+from gcs.core.errors import LinkError
+from gcs.mavlink.dialect import Message
+from gcs.mavlink.framing import FramePacker, FrameParser
+from gcs.mavlink.link_url import LinkAddress
+from gcs.mavlink.transaction import Clock
+
+CONNECT_S = 5.0
+SocketAddress: TypeAlias = tuple[Any, ...]
+
+
+class Peer:
+    """One other end of a link, to which messages can be sent from any thread.
+
+    Attributes:
+        name: address, for people.
+        heard_at: station time of its last good message; None when it was never heard.
+    """
+
+    def __init__(self, name: str, write: Callable[[bytes], None], packer: FramePacker) -> None:
+        self.name = name
+        self.heard_at: float | None = None
+        self.parser = FrameParser()
+        self._write = write
+        self._packer = packer
+        self._lock = threading.Lock()
+
+    def send(self, message: Message) -> None:
+        """Number, pack and send; like any message it may get lost."""
+        with self._lock:
+            self._write(self._packer.pack(message))
+
+
+OnMessage: TypeAlias = Callable[["Link", Peer, Message], None]
+
+
+class Link(ABC):
+    """A link that is open.
+
+    Args:
+        address: where it leads.
+        own: system and component id of this station.
+        on_message: called in the event loop for each message heard.
+        clock: monotonic seconds.
+    """
+
+    def __init__(self, address: LinkAddress, own: tuple[int, int], on_message: OnMessage, clock: Clock) -> None:
+        self.address = address
+        self._own = own
+        self._on_message = on_message
+        self._clock = clock
+
+    @property
+    def url(self) -> str:
+        """Its URL."""
+        return self.address.url
+
+    @property
+    @abstractmethod
+    def up(self) -> bool:
+        """Whether bytes can be sent."""
+
+    @property
+    @abstractmethod
+    def peers(self) -> list[Peer]:
+        """Who is to get heartbeats."""
+
+    @abstractmethod
+    async def open(self) -> None:
+        """Open it.
+
+        Raises:
+            LinkError: it cannot be opened; says why and what to do.
+        """
+
+    @abstractmethod
+    async def close(self) -> None:
+        """Close it; nothing is sent or heard afterwards."""
+
+    def _new_peer(self, name: str, write: Callable[[bytes], None]) -> Peer:
+        return Peer(name, write, FramePacker(*self._own))
+
+    def _take(self, peer: Peer, messages: list[Message]) -> None:
+        for message in messages:
+            peer.heard_at = self._clock()
+            self._on_message(self, peer, message)
+
+
+async def resolve(address: LinkAddress, kind: socket.SocketKind) -> tuple[socket.AddressFamily, SocketAddress]:
+    """Family and address of a host and port.
+
+    Raises:
+        LinkError: the host is not known.
+    """
+    loop = asyncio.get_running_loop()
+    try:
+        found = await loop.getaddrinfo(address.place, address.number, type=kind)
+    except (OSError, UnicodeError) as error:
+        raise LinkError(f"the host {address.place!r} is not known ({error_words(error)})", field=address.url) from None
+    return found[0][0], found[0][4]
+
+
+def error_words(error: BaseException) -> str:
+    """What the system says is wrong."""
+    if isinstance(error, TimeoutError):
+        return f"no answer for {CONNECT_S:g} s"
+    return str(getattr(error, "strerror", None) or error)

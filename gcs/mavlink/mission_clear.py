@@ -1,0 +1,50 @@
+"""Clearing one of a vehicle's lists: MISSION_CLEAR_ALL until it is acknowledged."""
+
+from __future__ import annotations
+
+from gcs.core.errors import LinkError, OperationCancelled, RefusedError
+from gcs.mavlink.dialect import Message, mavlink
+from gcs.mavlink.mission_protocol import MissionResult, MissionTransaction, result_words
+
+
+class MissionClear(MissionTransaction[None]):
+    """Clear a list; constructor arguments are those of `MissionTransaction`.
+
+    Raises (from `result`):
+        RefusedError: the vehicle does not clear it.
+        LinkError: no answer; whether it was cleared is unknown.
+        OperationCancelled: cancelled before the answer came.
+    """
+
+    _tries = 0
+    _refusal: int | None = None
+
+    def start(self) -> None:
+        """Send the request."""
+        self._send(mavlink.MAVLink_mission_clear_all_message(*self._target, self._mission_type))
+        self._deadline = self._clock() + self._timing.general_s
+
+    def handle(self, message: Message) -> None:
+        """Take the acknowledgement."""
+        if self.finished or message.get_type() != "MISSION_ACK" or not self._concerns(message):
+            return
+        if message.type == MissionResult.ACCEPTED:
+            self._succeed(None)
+        else:
+            self._refusal = message.type  # busy, perhaps: asked again when the timer ends
+
+    def on_time(self) -> None:
+        """Send it again, or give up."""
+        if self.finished:
+            return
+        self._tries += 1
+        if self._tries < self._timing.tries:
+            self.start()
+        elif self._refusal is not None:
+            self._fail(RefusedError(f"the vehicle does not clear its mission: {result_words(self._refusal)}"))
+        else:
+            self._fail(LinkError("no answer to clearing the mission; whether it was cleared is unknown"))
+
+    def cancel(self) -> None:
+        """Stop asking."""
+        self._fail(OperationCancelled("clearing was cancelled; whether it happened is unknown"))

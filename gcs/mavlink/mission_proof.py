@@ -1,0 +1,163 @@
+"""Upload with proof: send, read back, compare in the vehicle's canonical form, send again where it differs.
+
+"Uploaded" means that every item was read back from the vehicle and is, to the vehicle, the item that was sent. An
+acknowledgement alone proves nothing: it can be lost although all is well, or come although items are missing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Protocol, TypeVar
+
+from gcs.core.errors import LinkError, RefusedError
+from gcs.core.mission import Mission, MissionItem
+from gcs.core.progress import Progress, SilentProgress
+from gcs.core.vehicle import Autopilot
+from gcs.mavlink.canonical_form import MissionComparison, compare
+from gcs.mavlink.mission_download import MissionDownload
+from gcs.mavlink.mission_protocol import OnItems, TransferTiming
+from gcs.mavlink.mission_upload import UNKNOWN, MissionUpload
+from gcs.mavlink.transaction import Clock, Send, Transaction
+
+R = TypeVar("R")
+_ATTEMPTS = 3
+
+
+class RunTransaction(Protocol):
+    """Drives a transaction to its end, such as `transaction.run` bound to a vehicle's messages."""
+
+    async def __call__(self, transaction: Transaction[R], /) -> R:
+        """The transaction's result; raises its error."""
+        ...
+
+
+@dataclass(frozen=True)
+class MissionPeer:
+    """Everything a mission transfer needs to know of a vehicle.
+
+    Attributes:
+        target_system: its system id.
+        target_component: the component that holds the mission.
+        autopilot: its family, which decides the canonical form.
+        send: puts a message on its link.
+        clock: monotonic seconds.
+        run: drives transactions.
+        own_system: the station's system id, to ignore answers meant for another station.
+        timing: timers of the transfers.
+    """
+
+    target_system: int
+    target_component: int
+    autopilot: Autopilot
+    send: Send
+    clock: Clock
+    run: RunTransaction
+    own_system: int | None = None
+    timing: TransferTiming | None = None
+
+
+@dataclass(frozen=True)
+class UploadProof:
+    """Evidence that a vehicle holds a mission.
+
+    Attributes:
+        items_sent: number of items.
+        items_read: number of items that were read back and found equal.
+        how: the way it was proved, in plain words.
+        canonical_crc32: fingerprint of the mission in the vehicle's canonical form.
+    """
+
+    items_sent: int
+    items_read: int
+    how: str
+    canonical_crc32: int
+
+
+async def upload_and_prove(
+    mission: Mission,
+    peer: MissionPeer,
+    progress: Progress | None = None,
+) -> UploadProof:
+    """Put a mission on a vehicle and prove that it is there.
+
+    Args:
+        mission: what the vehicle is to hold. For ArduPilot item 0 is a placeholder for its home.
+        peer: the vehicle.
+        progress: stages `upload` and `read back`; raising `OperationCancelled` from it stops the transfer.
+
+    Raises:
+        RefusedError: the vehicle refused it, or holds something else after every attempt.
+        LinkError: the link is gone; what the vehicle holds is unknown.
+        OperationCancelled: cancelled; what the vehicle holds is unknown.
+    """
+    items = mission.items
+    _check_home_placeholder(items, peer.autopilot)
+    progress = progress if progress is not None else SilentProgress()
+    comparison: MissionComparison | None = None
+    for attempt in range(1, _ATTEMPTS + 1):
+        outcome = await peer.run(
+            MissionUpload(
+                items,
+                peer.target_system,
+                peer.target_component,
+                peer.send,
+                peer.clock,
+                own_system=peer.own_system,
+                on_progress=_stage(progress, "upload"),
+                timing=peer.timing,
+            )
+        )
+        try:
+            read = await download(peer, progress)
+        except LinkError as error:
+            raise LinkError(f"the mission was sent, but could not be read back ({error}); {UNKNOWN}") from error
+        comparison = compare(items, read, peer.autopilot)
+        if comparison.equal:
+            how = f"read back {len(read)} of {len(items)} items, all equal in the vehicle's own form"
+            how += "" if outcome.acknowledged else f"; {outcome.note}"
+            how += "" if attempt == 1 else f"; {attempt} attempts"
+            return UploadProof(len(items), len(read), how, comparison.canonical_crc32)
+    differs = comparison.summary if comparison is not None else ""
+    raise RefusedError(f"the vehicle holds something else than was sent, after {_ATTEMPTS} attempts: {differs}")
+
+
+async def download(peer: MissionPeer, progress: Progress | None = None) -> tuple[MissionItem, ...]:
+    """Read what a vehicle holds; stage `read back` of the progress."""
+    return await peer.run(
+        MissionDownload(
+            peer.target_system,
+            peer.target_component,
+            peer.send,
+            peer.clock,
+            autopilot=peer.autopilot,
+            own_system=peer.own_system,
+            on_progress=_stage(progress, "read back") if progress is not None else None,
+            timing=peer.timing,
+        )
+    )
+
+
+async def compare_with_vehicle(
+    mission: Mission, peer: MissionPeer, progress: Progress | None = None
+) -> MissionComparison:
+    """Read what a vehicle holds and compare it with a mission, in the vehicle's canonical form."""
+    return compare(mission.items, await download(peer, progress), peer.autopilot)
+
+
+def _stage(progress: Progress, stage: str) -> OnItems:
+    def tell(done: int, total: int) -> None:
+        progress.report(stage, done / max(total, 1))
+
+    return tell
+
+
+def _check_home_placeholder(items: Sequence[MissionItem], autopilot: Autopilot) -> None:
+    if autopilot is not Autopilot.ARDUPILOT or not items:
+        return
+    if items[0].command != 16:
+        raise RefusedError(
+            "ArduPilot replaces item 0 by its home: begin the mission with a waypoint at home, else its first "
+            f"item (command {items[0].command}) would be lost",
+            field="mission",
+        )

@@ -1,0 +1,202 @@
+"""One vehicle: what it tells, and what it can be asked and commanded to do."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+
+from gcs.core.errors import ConflictError, GcsError, LinkError, RefusedError
+from gcs.core.vehicle import FlightMode, VehicleIdentity
+from gcs.mavlink import events
+from gcs.mavlink.events import OffboardEnd
+from gcs.mavlink.flight_commands import FlightCommands
+from gcs.mavlink.mode_guard import ModeChange
+from gcs.mavlink.offboard import OffboardSession, Setpoint, SetpointStream
+from gcs.mavlink.vehicle_channel import VehicleChannel
+from gcs.mavlink.vehicle_flight import VehicleFlight
+
+log = logging.getLogger(__name__)
+
+OFFBOARD_LEAD_IN_S = 1.2
+FEED_S = 0.1
+FRESH_S = 2.0
+
+
+class Vehicle(VehicleFlight):
+    """A vehicle that the station has heard.
+
+    Made by `MavlinkStation`. All methods are for the event loop, if not said otherwise. Every command returns only when
+    the vehicle's own state shows it, and raises RefusedError, with the vehicle's own words where it gave some, or
+    LinkError. `VehicleState` has what it tells, `VehicleTransfers` missions, parameters and files, `VehicleFlight` the
+    commands; here is the stream of setpoints.
+
+    Args:
+        identity: who it is.
+        channel: to it.
+        lost_after_s: without heartbeats for so long the link counts as lost.
+    """
+
+    def __init__(self, identity: VehicleIdentity, channel: VehicleChannel, *, lost_after_s: float = 3.0) -> None:
+        super().__init__(identity, channel, lost_after_s=lost_after_s)
+        self._session: OffboardSession | None = None
+        self._lease: str | None = None
+        self._in_offboard = False
+        self._leaving = False
+
+    @property
+    def offboard_session(self) -> OffboardSession | None:
+        """The running stream of setpoints, if any."""
+        return self._session
+
+    async def close(self) -> None:
+        """See VehicleState."""
+        if self._session is not None:
+            self._session.halt(OffboardEnd.STOPPED, "the station closed the link")
+        await super().close()
+
+    async def offboard(
+        self,
+        owner: str,
+        *,
+        take_off_altitude_amsl_m: float | None = None,
+        rate_hz: float = 50.0,
+        deadman_s: float = 0.5,
+    ) -> OffboardSession:
+        """Lease its setpoints, bring it into OFFBOARD (GUIDED), and hover there.
+
+        On the ground it takes off first. It then hovers until the owner calls `OffboardSession.fly` with a source. From
+        the return on the owner must call `feed` at least every `deadman_s` seconds; the stream ends at once when that
+        stops, when the mode changes without a command, when the vehicle disarms or is not heard any more.
+
+        Args:
+            owner: who leases it, for people.
+            take_off_altitude_amsl_m: where to hover after the take-off, above mean sea level; for a vehicle that flies
+                already it is not used.
+            rate_hz: setpoints per second of the vehicle's clock.
+            deadman_s: see above, in station time.
+
+        Raises:
+            ConflictError: somebody has the lease.
+            RefusedError: the vehicle is not the station's to command, is on the ground without a take-off altitude, or
+                refuses.
+            LinkError: it does not answer, or does not tell its position.
+        """
+        if self._lease is not None:
+            raise ConflictError(f"its setpoints are leased to {self._lease}", field=self.identity.name)
+        if not self.in_air and take_off_altitude_amsl_m is None:
+            raise RefusedError("it is on the ground: give an altitude to take off to", field=self.identity.name)
+        self._lease = owner
+
+        async def enter(control: FlightCommands) -> None:
+            if not self.in_air and take_off_altitude_amsl_m is not None:
+                await self._stack.take_off(control, take_off_altitude_amsl_m)
+            self._begin(self._hovering_session(owner, rate_hz, deadman_s))
+            await asyncio.sleep(OFFBOARD_LEAD_IN_S)
+            await self._stack.enter_offboard(control)
+
+        feeding = asyncio.ensure_future(self._feed())
+        try:
+            await self._fly("enter offboard", enter)
+            session = self._running_session()
+        except BaseException:
+            if self._session is not None:
+                self._session.halt(OffboardEnd.STOPPED, "the vehicle did not go into offboard")
+            else:
+                self._lease = None
+            raise
+        finally:
+            feeding.cancel()
+        session.feed()
+        return session
+
+    def _running_session(self) -> OffboardSession:
+        if self._session is None or not self._session.active:
+            raise RefusedError("the stream of setpoints ended as soon as it began", field=self.identity.name)
+        return self._session
+
+    def _begin(self, session: OffboardSession) -> None:
+        self._session, self._in_offboard, self._leaving = session, False, False
+        session.start()
+
+    async def _feed(self) -> None:
+        """The event loop keeps the stream alive until its owner can."""
+        while True:
+            if self._session is not None:
+                self._session.feed()
+            await asyncio.sleep(FEED_S)
+
+    def _hovering_session(self, owner: str, rate_hz: float, deadman_s: float) -> OffboardSession:
+        place, yaw = self.telemetry.local_position_m, self.telemetry.yaw_rad
+        now = self._now()
+        if place is None or yaw is None or place.age_s(now) > FRESH_S or yaw.age_s(now) > FRESH_S:
+            raise LinkError("it does not tell its local position and attitude", field=self.identity.name)
+        self._guard.check()
+        self.vehicle_now()
+        hover = Setpoint.hover(place.value, yaw.value)
+        stream = SetpointStream(
+            target=self._channel.target,
+            send=self._channel.send,
+            clock=self._now,
+            deadman_s=deadman_s,
+            source=lambda _: hover,
+        )
+        loop = asyncio.get_running_loop()
+
+        def ended(session: OffboardSession) -> None:
+            if not loop.is_closed():
+                loop.call_soon_threadsafe(self._offboard_ended, session)
+
+        return OffboardSession(
+            owner,
+            stream,
+            clock=self._now,
+            vehicle_now=self.vehicle_now,
+            clock_rate=lambda: self.clock.rate,
+            rate_hz=rate_hz,
+            on_end=ended,
+            leave=self._leave_offboard,
+        )
+
+    async def _leave_offboard(self, session: OffboardSession) -> None:
+        self._leaving = True
+        try:
+            await self._fly("hold", self._stack.pause)
+        finally:
+            session.halt(OffboardEnd.STOPPED)
+
+    def _offboard_ended(self, session: OffboardSession) -> None:
+        if session is not self._session:
+            return
+        end, detail = session.end or (OffboardEnd.SOURCE_FAILED, "")
+        self._session, self._lease = None, None
+        self._publish(events.OffboardEndedEvent(session.owner, end, detail))
+        mode = self.telemetry.mode
+        wants_hold = end in (OffboardEnd.FINISHED, OffboardEnd.DEADMAN, OffboardEnd.SOURCE_FAILED)
+        if wants_hold and mode is not None and mode.value is FlightMode.OFFBOARD and not self._closed:
+            self._spawn(self._hold_after_stream())
+
+    async def _hold_after_stream(self) -> None:
+        try:
+            await self._fly("hold", self._stack.pause)
+        except GcsError as error:
+            log.warning("%s: the stream of setpoints ended, and it did not go into hold: %s", self.identity.name, error)
+
+    def _mode_changed(self, change: ModeChange, mode: FlightMode, name: str) -> None:
+        """Decide what a change of mode means for the stream; before anything else hears of the change."""
+        session = self._session
+        if session is None:
+            return
+        if mode is FlightMode.OFFBOARD and change is ModeChange.COMMANDED:
+            self._in_offboard = True
+        elif change is ModeChange.COMMANDED:
+            session.halt(OffboardEnd.STOPPED if self._leaving else OffboardEnd.COMMANDED)
+        elif self._in_offboard or change is not ModeChange.OWN:
+            session.halt(OffboardEnd.MODE_CHANGED, f"the vehicle went into {name} without a command of the station")
+
+    def _disarmed(self) -> None:
+        if self._session is not None:
+            self._session.halt(OffboardEnd.DISARMED)
+
+    def _link_lost(self) -> None:
+        if self._session is not None:
+            self._session.halt(OffboardEnd.LINK_LOST)

@@ -1,0 +1,100 @@
+"""The vehicle's clock as seen from the station's: rate and offset from time stamps that arrive late by a random delay.
+
+A stamp `v` heard at station time `w` means `v <= vehicle_clock(w)`: it can be late, never early. So with the rate
+known, the vehicle's clock is the upper envelope of the stamps, plus the smallest one-way delay, for which half the
+shortest TIMESYNC round trip stands. The rate is the median of the slopes between early and late stamps of the window
+(a Theil-Sen estimate), which a few late messages do not move.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+
+import numpy as np
+
+WINDOW_S = 8.0
+SPACING_S = 0.05
+MIN_SPAN_S = 0.5
+REBOOT_S = 2.0
+STEP_COUNT = 10
+STEP_S = 0.5
+ROUND_TRIPS = 20
+
+
+class VehicleClock:
+    """Estimates the vehicle's clock (s since boot) at station times; the rate is not 1 in a sped-up simulation.
+
+    Attributes:
+        reboots: how often the vehicle's clock went back to the start.
+    """
+
+    def __init__(self) -> None:
+        self._samples: deque[tuple[float, float]] = deque()
+        self._round_trips: deque[float] = deque(maxlen=ROUND_TRIPS)
+        self._fit: tuple[float, float, float] | None = None
+        self._off_count = 0
+        self.reboots = 0
+
+    @property
+    def known(self) -> bool:
+        """Whether there is an estimate."""
+        return self._fit is not None
+
+    @property
+    def rate(self) -> float:
+        """Vehicle seconds per station second; 1 until known."""
+        return 1.0 if self._fit is None else self._fit[2]
+
+    def at(self, station_s: float) -> float | None:
+        """The vehicle's clock at a station time; None until known."""
+        fit = self._fit
+        if fit is None:
+            return None
+        at_s, vehicle_s, rate = fit
+        return vehicle_s + rate * (station_s - at_s)
+
+    def stamp(self, station_s: float, vehicle_s: float) -> None:
+        """Take a time stamp of the vehicle and when it was heard."""
+        if self._samples:
+            newest_w, newest_v = self._samples[-1]
+            if vehicle_s < newest_v - REBOOT_S * max(1.0, self.rate):
+                self.reboots += 1
+                self._restart()
+            elif station_s - newest_w < SPACING_S:
+                return
+        predicted = self.at(station_s)
+        if predicted is not None and abs(vehicle_s - predicted) > STEP_S * max(1.0, self.rate):
+            self._off_count += 1
+            if self._off_count >= STEP_COUNT:
+                self._restart()
+        else:
+            self._off_count = 0
+        self._samples.append((station_s, vehicle_s))
+        while self._samples[0][0] < station_s - WINDOW_S:
+            self._samples.popleft()
+        self._estimate()
+
+    def round_trip(self, seconds: float) -> None:
+        """Take the time between a TIMESYNC request and its answer."""
+        if 0 <= seconds < 2.0:
+            self._round_trips.append(seconds)
+
+    def _restart(self) -> None:
+        self._samples.clear()
+        self._off_count = 0
+        self._fit = None
+
+    def _estimate(self) -> None:
+        samples = np.array(self._samples)
+        wall, vehicle = samples[:, 0], samples[:, 1]
+        if len(wall) < 4 or wall[-1] - wall[0] < MIN_SPAN_S:
+            return
+        half = len(wall) // 2
+        slopes = (vehicle[half:] - vehicle[: len(vehicle) - half]) / (wall[half:] - wall[: len(wall) - half])
+        rate = float(np.median(slopes))
+        if rate <= 0:
+            return
+        now = float(wall[-1])
+        ahead = vehicle - rate * (wall - now)
+        delay = min(self._round_trips, default=0.0) / 2
+        self._fit = (now, float(np.max(ahead)) + rate * delay, rate)

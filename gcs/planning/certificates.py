@@ -1,0 +1,224 @@
+"""Certificates: what must hold on the finished curve, held against its figures.
+
+The same checks judge a plan before it is written (`certify`) and a plan that was read from its files (`recheck`).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from gcs.core.errors import InfeasibleError
+from gcs.core.plan import Certificates
+from gcs.core.progress import SilentProgress
+from gcs.planning.curve_figures import CurveFigures, measure
+from gcs.planning.trajectory_builder import BuiltTrajectory
+from gcs.planning.viewing_angles import YAW_RATE_RAD_S
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+    from gcs.core.plan import Plan, SurfaceCoverage, Viewpoint
+    from gcs.core.progress import Progress
+    from gcs.core.scenario import Scenario
+    from gcs.planning.point_distance import SceneDistance
+
+VIEWPOINT_MISS_M = 0.05
+"""How far the curve may pass from a viewpoint."""
+
+ANGLE_TOLERANCE_RAD = math.radians(0.5)
+"""How far yaw and pitch may be from a viewpoint's at its exposure."""
+
+
+class CertificateError(InfeasibleError):
+    """Certificates of a finished trajectory do not hold."""
+
+    title = "Certificates do not hold"
+
+
+@dataclass(frozen=True)
+class Check:
+    """One certificate.
+
+    Attributes:
+        name: what is checked, as in `report.json` where it is there.
+        ok: whether it holds.
+        value: what was computed.
+        limit: what it is held against.
+        message: one line for people.
+    """
+
+    name: str
+    ok: bool
+    value: float
+    limit: float
+    message: str
+
+
+def check_figures(figures: CurveFigures, scenario: Scenario) -> list[Check]:
+    """Hold the figures against what the scenario asks."""
+    vehicle, gimbal = scenario.vehicle, scenario.camera.gimbal
+    asked = scenario.safety.hull_clearance_m
+    f = figures
+    checks = [
+        _at_least(
+            "min_clearance_m",
+            f.min_clearance_m,
+            asked,
+            "m",
+            f"between hull and scene, at t = {f.clearance_time_s:.1f} s",
+        ),
+        _at_most("max_speed_m_s", f.max_speed_m_s, vehicle.max_speed_m_s, "m/s", "largest speed"),
+        _at_most(
+            "max_acceleration_m_s2",
+            f.max_acceleration_m_s2,
+            vehicle.max_acceleration_m_s2,
+            "m/s^2",
+            "largest acceleration",
+        ),
+        _at_most("corridor_violation_m", f.corridor_violation_m, 1e-6, "m", "outside the corridor"),
+        _at_most("worst_viewpoint_miss_m", f.worst_viewpoint_miss_m, VIEWPOINT_MISS_M, "m", "past a viewpoint"),
+        _at_most("continuity", f.largest_jump, 1e-4, "", "largest jump of position, velocity, acceleration or jerk"),
+        _at_most("rest_speed", f.unrest_m_s, 1e-4, "m/s", "at the ends and the exposures"),
+        _at_most("rest_acceleration", f.unrest_m_s2, 1e-3, "m/s^2", "at the ends and the exposures"),
+        _at_most("visiting_order", float(f.disorder), 0.0, "", "exposures out of order"),
+        _at_most("yaw_rate", f.yaw_rate_rad_s, YAW_RATE_RAD_S, "rad/s", "largest yaw rate"),
+        _at_most("gimbal_rate", f.gimbal_rate_rad_s, math.radians(gimbal.rate_deg_s), "rad/s", "largest gimbal rate"),
+        _at_most("viewing_angles", f.angle_miss_rad, ANGLE_TOLERANCE_RAD, "rad", "off a viewpoint's direction"),
+    ]
+    if vehicle.max_jerk_m_s3 is not None:
+        checks.append(_at_most("max_jerk_m_s3", f.max_jerk_m_s3, vehicle.max_jerk_m_s3, "m/s^3", "largest jerk"))
+    if scenario.fence is not None:
+        checks.append(_at_least("fence", f.fence_room_m, 0.0, "m", "room to the fence"))
+    return checks
+
+
+def _at_most(name: str, value: float, limit: float, unit: str, what: str) -> Check:
+    ok = value <= limit * (1 + 1e-9) + 1e-12
+    return Check(name, ok, value, limit, f"{what}: {value:.6g} {unit}".rstrip() + f", limit {limit:.6g}")
+
+
+def _at_least(name: str, value: float, limit: float, unit: str, what: str) -> Check:
+    ok = value >= limit - 1e-9
+    return Check(name, ok, value, limit, f"{what}: {value:.6g} {unit}, asked {limit:.6g}")
+
+
+def certify(
+    built: BuiltTrajectory,
+    path_m: NDArray[np.float64],
+    viewpoints: Sequence[Viewpoint],
+    scenario: Scenario,
+    distance: SceneDistance,
+    progress: Progress,
+    *,
+    coverage: SurfaceCoverage | None,
+    tour_cost: float,
+    tour_lower_bound: float,
+    energy_wh: float,
+    open_sky: float,
+) -> Certificates:
+    """Prove a finished trajectory.
+
+    Args:
+        built: the trajectory with its corridor and angles.
+        path_m: the collision-free polyline, shape (K, 3).
+        viewpoints: in visiting order, with their times.
+        scenario: what was asked.
+        distance: exact distance to the scene.
+        progress: reports the stage `certificates`.
+        coverage: carried into the result, as are the next four.
+        tour_cost: in the metric's unit.
+        tour_lower_bound: in the metric's unit.
+        energy_wh: of the whole flight.
+        open_sky: share of the flight time under the open sky.
+
+    Raises:
+        CertificateError: in one line, everything that does not hold, with its numbers.
+    """
+    figures = measure(built, path_m, viewpoints, scenario, distance, progress)
+    failed = [check for check in check_figures(figures, scenario) if not check.ok]
+    if failed:
+        raise CertificateError("; ".join(f"{check.name}: {check.message}" for check in failed))
+    return Certificates(
+        length_m=figures.length_m,
+        path_length_m=figures.path_length_m,
+        duration_s=figures.duration_s,
+        mean_deviation_m=figures.mean_deviation_m,
+        max_deviation_m=figures.max_deviation_m,
+        min_clearance_m=figures.min_clearance_m,
+        max_speed_m_s=figures.max_speed_m_s,
+        max_acceleration_m_s2=figures.max_acceleration_m_s2,
+        max_jerk_m_s3=figures.max_jerk_m_s3,
+        corridor_violation_m=figures.corridor_violation_m,
+        worst_viewpoint_miss_m=figures.worst_viewpoint_miss_m,
+        viewpoints=len(viewpoints),
+        coverage=None if coverage is None else coverage.share_seen,
+        coverable=None if coverage is None else coverage.share_coverable,
+        tour_cost=tour_cost,
+        tour_lower_bound=tour_lower_bound,
+        tour_metric=scenario.planner.metric,
+        energy_wh=energy_wh,
+        open_sky=open_sky,
+    )
+
+
+_SAME = {
+    "length_m": 0.01,
+    "path_length_m": 0.01,
+    "duration_s": 0.001,
+    "mean_deviation_m": 0.005,
+    "max_deviation_m": 0.005,
+    "min_clearance_m": 0.01,
+    "max_speed_m_s": 0.001,
+    "max_acceleration_m_s2": 0.001,
+    "max_jerk_m_s3": 0.001,
+    "worst_viewpoint_miss_m": 0.001,
+}
+"""How far a recorded figure may be from the one that is computed again."""
+
+
+def recheck(plan: Plan, distance: SceneDistance, progress: Progress | None = None) -> list[Check]:
+    """Check a plan that was read from its files: its trajectory against its scenario, and its figures against both.
+
+    Args:
+        plan: as read.
+        distance: exact distance to the scene, built from the plan's own meshes and cables.
+        progress: reports the stage `certificates`.
+
+    Returns:
+        Every check, whether it holds or not. What was seen of the surface is not among them.
+    """
+    built = BuiltTrajectory(
+        trajectory=plan.trajectory,
+        corridor_m=plan.corridor_m,
+        yaw=plan.yaw,
+        gimbal_pitch=plan.gimbal_pitch,
+        exposures_s=np.array([v.time_s for v in plan.viewpoints]),
+    )
+    figures = measure(built, plan.path_m, plan.viewpoints, plan.scenario, distance, progress or SilentProgress())
+    checks = check_figures(figures, plan.scenario)
+    home = np.asarray(plan.scenario.home_m)
+    ends = plan.trajectory.value([0.0, plan.trajectory.duration_s])
+    checks.append(
+        _at_most("home", float(np.linalg.norm(ends - home, axis=1).max()), 1e-3, "m", "start or end from home")
+    )
+    stops = np.array([home, *(v.position_m for v in plan.viewpoints), home])
+    off = np.linalg.norm(plan.path_m[plan.path_stops] - stops, axis=1)
+    checks.append(_at_most("path_stops", float(off.max()), 1e-3, "m", "a stop of the path from its viewpoint"))
+    for name, tolerance in _SAME.items():
+        recorded, computed = getattr(plan.certificates, name), getattr(figures, name)
+        checks.append(
+            _at_most(
+                f"recorded {name}",
+                abs(recorded - computed),
+                tolerance,
+                "",
+                f"recorded {recorded:.4f}, computed {computed:.4f}, difference",
+            )
+        )
+    return checks

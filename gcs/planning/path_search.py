@@ -1,0 +1,128 @@
+"""Short free paths between exact points: straight if it can be, else over the grid and then pulled tight."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from gcs.core.errors import InfeasibleError
+from gcs.planning.grid_search import GridSearch
+from gcs.planning.string_pulling import pull_string
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from numpy.typing import ArrayLike, NDArray
+
+    from gcs.planning.free_space import FreeSpace
+
+COVER_PENALTY = 4.0
+"""A metre under cover counts as this many in the open, when no path stays in the open."""
+
+WEIGHT = 1.2
+"""Of the search's estimate: pulled paths stay within 1 % of those of an optimal search, in a fraction of its time."""
+
+
+def find_path(
+    space: FreeSpace,
+    start_m: ArrayLike,
+    goal_m: ArrayLike,
+    prefer_open_sky: bool = True,
+    *,
+    grid: GridSearch | None = None,
+    poll: Callable[[], None] | None = None,
+) -> NDArray[np.float64]:
+    """A short free path between two points, with its ends exactly there.
+
+    Looks for a straight line first, then on the grid among cells under the open sky, then among all free cells with
+    time under cover made dear; the grid path is shortened by string pulling without more time under cover. From and
+    to a place in the column over home the path goes vertically through the take-off point.
+
+    Args:
+        space: where the centre may be.
+        start_m: first point, scene ENU, shape (3,).
+        goal_m: last point, shape (3,).
+        prefer_open_sky: whether a path under the open sky is worth a detour.
+        grid: working arrays to use again.
+        poll: called now and then in long searches; may raise.
+
+    Returns:
+        Corner points, shape (K, 3), K >= 2; every straight leg is proved free.
+
+    Raises:
+        InfeasibleError: no path joins the points.
+    """
+    start, goal = np.array(start_m, dtype=np.float64), np.array(goal_m, dtype=np.float64)
+    before = [start] if space.in_home_column(start) else []
+    after = [goal] if space.in_home_column(goal) else []
+    for low in (*before, *after):
+        if not space.segment_free(low, space.take_off_m, strict=True):
+            raise _not_connected(space, low)
+    if before:
+        start = space.take_off_m
+    if after:
+        goal = space.take_off_m
+    grid = grid or GridSearch(space.free_mask.shape)
+    middle = _path_in_the_air(space, start, goal, prefer_open_sky, grid, poll)
+    return np.array([*before, *middle, *after])
+
+
+def _path_in_the_air(
+    space: FreeSpace,
+    start: NDArray[np.float64],
+    goal: NDArray[np.float64],
+    prefer_open_sky: bool,
+    grid: GridSearch,
+    poll: Callable[[], None] | None,
+) -> NDArray[np.float64]:
+    straight = np.stack([start, goal])
+    open_enough = not prefer_open_sky or space.covered_length(straight) == 0.0
+    if open_enough and space.segment_free(start, goal, strict=True):
+        return straight
+    first, last = _link(space, start), _link(space, goal)
+    if prefer_open_sky:
+        regions = space.open_sky_regions
+        if regions[tuple(first)] and regions[tuple(first)] == regions[tuple(last)]:
+            found = grid.search(space.open_sky_mask, first, last, weight=WEIGHT, poll=poll)
+        else:
+            found = grid.search(space.reachable_mask, first, last, space.cover_depth, COVER_PENALTY, WEIGHT, poll)
+    else:
+        found = grid.search(space.reachable_mask, first, last, weight=WEIGHT, poll=poll)
+    if found is None:
+        raise _not_connected(space, goal)
+    corners = _without_unproved_diagonals(space, found[0])
+    return pull_string(space, np.concatenate([start[None], corners, goal[None]]), keep_open_sky=prefer_open_sky)
+
+
+def _link(space: FreeSpace, point: NDArray[np.float64]) -> NDArray[np.int64]:
+    cell = space.linked_cell(point)
+    if cell is None:
+        raise _not_connected(space, point)
+    return cell
+
+
+def _not_connected(space: FreeSpace, point: NDArray[np.float64]) -> InfeasibleError:
+    where = ", ".join(f"{c:.1f}" for c in point)
+    return InfeasibleError(
+        f"no way leads from home to ({where}) m with {space.clearance_m:.2f} m about the vehicle's centre: "
+        "ask for less clearance or leave the point out"
+    )
+
+
+def _without_unproved_diagonals(space: FreeSpace, cells: NDArray[np.int64]) -> NDArray[np.float64]:
+    """Centres of the cells; a diagonal step that is not free as a line goes by the faces, which always are."""
+    centres = space.centre_of(cells)
+    step = np.diff(cells, axis=0)
+    diagonal = np.abs(step).sum(axis=1) > 1
+    clear = np.ones(len(step), dtype=np.bool_)
+    clear[diagonal] = space.segments_free(centres[:-1][diagonal], centres[1:][diagonal], strict=True)
+    points = [centres[0]]
+    for s, is_clear, end in zip(step, clear, centres[1:], strict=True):
+        if not is_clear:
+            for axis in np.flatnonzero(s)[:-1]:
+                corner = points[-1].copy()
+                corner[axis] += s[axis] * space.pitch_m
+                points.append(corner)
+        points.append(end)
+    return np.array(points)

@@ -1,0 +1,290 @@
+"""From a scenario and its structure to a certified plan: the stages, in order."""
+
+from __future__ import annotations
+
+import itertools
+import time
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from gcs.core.errors import InfeasibleError
+from gcs.core.plan import Plan, Viewpoint
+from gcs.planning.certificates import certify
+from gcs.planning.coverage import certify_coverage
+from gcs.planning.distance_field import build_distance_field, choose_pitch
+from gcs.planning.energy import energy_wh, require_battery
+from gcs.planning.fence import fence_volume
+from gcs.planning.free_space import FreeSpace
+from gcs.planning.path_search import find_path
+from gcs.planning.point_distance import SceneDistance
+from gcs.planning.safe_corridor import corridor_reach
+from gcs.planning.string_pulling import path_length
+from gcs.planning.time_allocation import FlightLimits
+from gcs.planning.tour import Tour, find_tour
+from gcs.planning.trajectory_builder import build_trajectory, estimated_leg_time_s
+from gcs.planning.viewpoints import find_viewpoints, stand_off_reach
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+    from numpy.typing import ArrayLike, NDArray
+
+    from gcs.core.plan import SurfaceCoverage
+    from gcs.core.progress import Progress
+    from gcs.core.scenario import Scenario
+    from gcs.core.structure import Structure
+    from gcs.planning.trajectory_builder import BuiltTrajectory
+    from gcs.planning.viewpoint_pose import ViewpointPose
+
+MOST_STAND_OFF_M = 40.0
+"""Room about the structure that is searched at most, whatever the camera could see from."""
+
+MOST_DRIFT_M = 2.0
+"""A hovering vehicle that is further than this from where it may be has to be flown clear by hand."""
+
+OPEN_SKY_STEP_S = 0.1
+
+
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """What is flown in, made once for a plan."""
+
+    distance: SceneDistance
+    space: FreeSpace
+
+
+@dataclass
+class _Stopwatch:
+    """Seconds of each stage, from when it starts to when the next one does."""
+
+    seconds: dict[str, float] = field(default_factory=dict)
+
+    @contextmanager
+    def stage(self, name: str) -> Iterator[None]:
+        started = time.perf_counter()
+        try:
+            yield
+        finally:
+            self.seconds[name] = time.perf_counter() - started
+
+
+def make_plan(scenario: Scenario, structure: Structure, progress: Progress) -> Plan:
+    """Plan an inspection.
+
+    Args:
+        scenario: what is asked.
+        structure: the placed structure.
+        progress: told of every stage; may cancel.
+
+    Returns:
+        A plan whose certificates hold.
+
+    Raises:
+        InputError: the scenario contradicts the structure; names the field.
+        InfeasibleError: there is no plan; says why and what would help.
+        OperationCancelled: the progress said so.
+    """
+    watch = _Stopwatch()
+    with watch.stage("scene"):
+        scene = prepare_scene(scenario, structure, progress)
+    with watch.stage("viewpoints"):
+        poses = find_viewpoints(scenario, structure, scene.space, scene.distance, progress)
+    return plan_tour(scenario, structure, scene, poses, progress, watch=watch)
+
+
+def prepare_scene(scenario: Scenario, structure: Structure, progress: Progress) -> Scene:
+    """Distance field and free space about a structure, with room to stand off and to fly over it."""
+    reach = corridor_reach(scenario.safety.corridor_half_width_m)
+    clearance = scenario.centre_clearance_m + reach
+    low, high = planning_volume(scenario, structure, clearance)
+    field_ = build_distance_field(structure, low, high, choose_pitch(low, high, clearance), progress)
+    fence = fence_volume(scenario.fence, scenario.vehicle, scenario.safety)
+    fence = fence._replace(margin_m=fence.margin_m + reach)
+    space = FreeSpace(field_, clearance, scenario.ground_m, scenario.home_m, fence, progress)
+    return Scene(SceneDistance(structure, scenario.ground_m), space)
+
+
+def planning_volume(
+    scenario: Scenario, structure: Structure, clearance_m: float
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Low and high corner of what is searched: the structure, home, and room around them."""
+    bounds = structure.bounds_m
+    margin = min(stand_off_reach(scenario, structure, clearance_m), MOST_STAND_OFF_M) + clearance_m + 3.0
+    low, high = bounds[0] - margin, bounds[1] + margin
+    around_home = np.array([2.0, 2.0, 2.0]) + clearance_m
+    home = np.asarray(scenario.home_m)
+    low, high = np.minimum(low, home - around_home), np.maximum(high, home + around_home)
+    if scenario.ground_m is not None:
+        low[2] = max(low[2], min(scenario.ground_m, bounds[0, 2], home[2]) - 1.0)
+    return low, high
+
+
+def plan_tour(
+    scenario: Scenario,
+    structure: Structure,
+    scene: Scene,
+    poses: Sequence[ViewpointPose],
+    progress: Progress,
+    *,
+    watch: _Stopwatch | None = None,
+) -> Plan:
+    """Order the viewpoints, fly them from home and back, and certify the whole.
+
+    Raises:
+        InfeasibleError: a viewpoint cannot be reached, a certificate does not hold, or the battery is too small.
+    """
+    watch = watch or _Stopwatch()
+    vehicle = scenario.vehicle
+    limits = FlightLimits(vehicle.max_speed_m_s, vehicle.max_acceleration_m_s2, vehicle.max_jerk_m_s3)
+    with watch.stage("tour"):
+        tour = find_tour(
+            scene.space,
+            scenario.home_m,
+            np.array([p.position_m for p in poses]),
+            scenario.planner,
+            lambda lengths: estimated_leg_time_s(lengths, limits),
+            progress,
+            names=[p.name for p in poses],
+        )
+    built = _build(scenario, tour, poses, progress, watch)
+    viewpoints = tuple(_visited(k, k, poses[int(n)], built) for k, n in enumerate(tour.order))
+    with watch.stage("coverage"):
+        coverage = certify_coverage(scenario, structure, viewpoints, scene.space, scene.distance, progress)
+    return _certified(scenario, structure, scene, tour, built, viewpoints, coverage, progress, watch)
+
+
+def plan_rest(
+    scenario: Scenario,
+    structure: Structure,
+    scene: Scene,
+    remaining: Sequence[Viewpoint],
+    start_m: ArrayLike,
+    progress: Progress,
+) -> Plan:
+    """Plan the rest of a tour from a hover: the remaining viewpoints in their order, then home.
+
+    Args:
+        scenario: what is asked.
+        structure: the placed structure.
+        scene: as `prepare_scene` makes it.
+        remaining: viewpoints still to be visited, in order; they keep their ids.
+        start_m: where the vehicle hovers, shape (3,). When it has drifted out of the free space a little, the plan
+            begins with the straight way back into it; the certificates decide whether that is acceptable.
+        progress: told of every stage; may cancel.
+
+    Raises:
+        InfeasibleError: there is no plan from there.
+    """
+    start = np.asarray(start_m, dtype=np.float64)
+    inside = _into_free_space(scene.space, start)
+    stops = [inside, *(v.position_m for v in remaining), np.asarray(scenario.home_m)]
+    legs = [find_path(scene.space, a, b) for a, b in itertools.pairwise(stops)]
+    if not np.array_equal(inside, start):
+        legs[0] = np.vstack([start, legs[0]])
+    length = sum(path_length(leg) for leg in legs)
+    tour = Tour(np.arange(len(remaining)), legs, length, length, "length", len(legs))
+    watch = _Stopwatch()
+    built = _build(scenario, tour, remaining, progress, watch)
+    viewpoints = tuple(_visited(v.id, k, v, built) for k, v in enumerate(remaining))
+    return _certified(scenario, structure, scene, tour, built, viewpoints, None, progress, watch)
+
+
+def _into_free_space(space: FreeSpace, point: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The point itself if it is free, else the nearest reachable cell's centre within a short way."""
+    if space.is_reachable(point[None])[0]:
+        return point
+    cells = np.argwhere(space.reachable_mask)
+    centres = space.centre_of(cells)
+    distance = np.linalg.norm(centres - point, axis=1)
+    nearest = int(distance.argmin())
+    if distance[nearest] > MOST_DRIFT_M:
+        raise InfeasibleError(
+            f"the vehicle is {distance[nearest]:.1f} m inside the space that the plan keeps clear: fly it clear by hand"
+        )
+    return np.asarray(centres[nearest])
+
+
+def _build(
+    scenario: Scenario,
+    tour: Tour,
+    poses: Sequence[ViewpointPose | Viewpoint],
+    progress: Progress,
+    watch: _Stopwatch,
+) -> BuiltTrajectory:
+    ordered = [poses[int(k)] for k in tour.order]
+    with watch.stage("trajectory"):
+        yaw, pitch = np.array([p.yaw_rad for p in ordered]), np.array([p.gimbal_pitch_rad for p in ordered])
+        return build_trajectory(tour.legs_m, yaw, pitch, scenario, progress)
+
+
+def _certified(
+    scenario: Scenario,
+    structure: Structure,
+    scene: Scene,
+    tour: Tour,
+    built: BuiltTrajectory,
+    viewpoints: tuple[Viewpoint, ...],
+    coverage: SurfaceCoverage | None,
+    progress: Progress,
+    watch: _Stopwatch,
+) -> Plan:
+    with watch.stage("certificates"):
+        energy = energy_wh(built.trajectory, scenario.vehicle.mass_kg)
+        require_battery(energy, scenario.vehicle.battery)
+        path, stops = _joined(tour)
+        certificates = certify(
+            built,
+            path,
+            viewpoints,
+            scenario,
+            scene.distance,
+            progress,
+            coverage=coverage,
+            tour_cost=tour.cost,
+            tour_lower_bound=tour.lower_bound,
+            energy_wh=energy,
+            open_sky=_open_sky_share(scene.space, built),
+        )
+    return Plan(
+        scenario=scenario,
+        cables=structure.cables,
+        viewpoints=viewpoints,
+        path_m=path,
+        path_stops=stops,
+        corridor_m=built.corridor_m,
+        trajectory=built.trajectory,
+        yaw=built.yaw,
+        gimbal_pitch=built.gimbal_pitch,
+        coverage=coverage,
+        certificates=certificates,
+        stages_s=watch.seconds,
+    )
+
+
+def _visited(number: int, place: int, pose: ViewpointPose | Viewpoint, built: BuiltTrajectory) -> Viewpoint:
+    return Viewpoint(
+        id=number,
+        name=pose.name,
+        position_m=pose.position_m,
+        direction=pose.direction,
+        up=pose.up,
+        gsd_m=pose.gsd_m,
+        time_s=float(built.exposures_s[place]),
+        yaw_rad=pose.yaw_rad,
+        gimbal_pitch_rad=pose.gimbal_pitch_rad,
+    )
+
+
+def _joined(tour: Tour) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    """The legs as one polyline, and where in it the stops are."""
+    stops = np.concatenate([[0], np.cumsum([len(leg) - 1 for leg in tour.legs_m])])
+    return np.concatenate([tour.legs_m[0][:1], *(leg[1:] for leg in tour.legs_m)]), stops.astype(np.int64)
+
+
+def _open_sky_share(space: FreeSpace, built: BuiltTrajectory) -> float:
+    duration = built.trajectory.duration_s
+    times = np.linspace(0.0, duration, max(2, int(duration / OPEN_SKY_STEP_S)))
+    return float(space.is_open_sky(built.trajectory.value(times)).mean())

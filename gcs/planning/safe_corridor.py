@@ -1,0 +1,151 @@
+"""Flight corridor: a chain of overlapping axis-aligned boxes around a collision-free polyline.
+
+Straights are cut into sub-legs, and every sub-leg gets its bounding box grown by a margin on all sides. The box of a
+slanting sub-leg reaches further from the leg than the box of one along an axis, so slanting sub-legs are cut short and
+their margin is taken smaller: no point of any box is further than `corridor_reach` from its leg. A search that keeps
+the clearance plus that reach on the legs has therefore cleared the boxes whole.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+COLUMN_HALF_WIDTH_M = 0.1
+"""Half-width of the boxes of the vertical take-off and landing column: it keeps the curve over home near the ground."""
+
+SMALLEST_MARGIN = 0.55
+"""Sub-legs are cut so short that their margin is at least this share of the corridor's half-width."""
+
+
+@dataclass(frozen=True, eq=False)
+class LegCorridor:
+    """One leg from stop to stop, cut into segments, with the box of each.
+
+    Attributes:
+        joints_m: ends of the segments, shape (n + 1, 3); the first and the last are the stops.
+        boxes_m: low and high corner of each segment's box, shape (n, 2, 3); joint k lies in boxes k - 1 and k.
+    """
+
+    joints_m: NDArray[np.float64]
+    boxes_m: NDArray[np.float64]
+
+    @property
+    def lengths_m(self) -> NDArray[np.float64]:
+        """Lengths of the segments' straight sub-legs, shape (n,)."""
+        return np.asarray(np.linalg.norm(np.diff(self.joints_m, axis=0), axis=1))
+
+
+def corridor_reach(half_width_m: float) -> float:
+    """Largest distance (m) of any point of any box from its leg.
+
+    It is the half-diagonal of a cube of that half-width: what a box around a single point reaches.
+    """
+    return math.sqrt(3.0) * half_width_m
+
+
+def build_corridor(
+    leg_m: NDArray[np.float64],
+    half_width_m: float,
+    longest_m: float = math.inf,
+    *,
+    column_at_start: bool = False,
+    column_at_end: bool = False,
+) -> LegCorridor:
+    """Cut a leg into segments and box them.
+
+    Args:
+        leg_m: polyline of the leg, shape (K, 3), K >= 2; repeated points are passed over.
+        half_width_m: of the corridor about the leg, on each axis.
+        longest_m: longest sub-leg; it bounds what one polynomial has to do.
+        column_at_start: the leg starts on the ground with a vertical take-off: slim boxes, never under the start.
+        column_at_end: the same for a vertical landing at the end.
+
+    Returns:
+        The corridor; all its boxes lie within `corridor_reach(half_width_m)` of the leg.
+
+    Raises:
+        ValueError: the leg has no length.
+    """
+    corners = leg_m[np.concatenate([[True], np.linalg.norm(np.diff(leg_m, axis=0), axis=1) > 1e-9])]
+    if len(corners) < 2:
+        raise ValueError("a leg needs two different points")
+    joints, boxes = [corners[:1]], []
+    last = len(corners) - 2
+    for index, (a, b) in enumerate(itertools.pairwise(corners)):
+        column = _is_vertical(a, b) and ((column_at_start and index == 0) or (column_at_end and index == last))
+        ends = _cut(a, b, half_width_m, longest_m)
+        low, high = np.minimum(ends[:-1], ends[1:]), np.maximum(ends[:-1], ends[1:])
+        margin = np.full(3, _margin(np.abs(ends[1] - ends[0]), half_width_m))
+        if column:
+            margin[:2] = min(COLUMN_HALF_WIDTH_M, margin[0])
+        low, high = low - margin, high + margin
+        if column:
+            low[:, 2] = np.maximum(low[:, 2], min(a[2], b[2]))
+        joints.append(ends[1:])
+        boxes.append(np.stack([low, high], axis=1))
+    return LegCorridor(np.concatenate(joints), np.concatenate(boxes))
+
+
+def _is_vertical(a: NDArray[np.float64], b: NDArray[np.float64]) -> bool:
+    return bool(np.hypot(*(b - a)[:2]) < 1e-6)
+
+
+def _cut(a: NDArray[np.float64], b: NDArray[np.float64], half_width_m: float, longest_m: float) -> NDArray[np.float64]:
+    """Ends of equal sub-legs of a straight, shape (n + 1, 3), each short enough for its margin."""
+    span = np.abs(b - a)
+    count = max(1, math.ceil(float(np.linalg.norm(b - a)) / longest_m - 1e-9))
+    reach, margin = corridor_reach(half_width_m), SMALLEST_MARGIN * half_width_m
+    too_few = count - 1
+    while _reach(span / count, margin) > reach:
+        too_few, count = count, 2 * count
+    while count - too_few > 1:
+        middle = (count + too_few) // 2
+        if _reach(span / middle, margin) > reach:
+            too_few = middle
+        else:
+            count = middle
+    share = np.linspace(0.0, 1.0, count + 1)[:, None]
+    return (1 - share) * a + share * b
+
+
+def _margin(span: NDArray[np.float64], half_width_m: float) -> float:
+    """Largest margin (m), at most the half-width, with which a sub-leg's box stays within the reach.
+
+    Args:
+        span: absolute components of the sub-leg (m), shape (3,).
+        half_width_m: of the corridor.
+    """
+    reach = corridor_reach(half_width_m)
+    if _reach(span, half_width_m) <= reach + 1e-9:
+        return half_width_m
+    low, high = SMALLEST_MARGIN * half_width_m, half_width_m
+    for _ in range(20):
+        middle = (low + high) / 2
+        low, high = (middle, high) if _reach(span, middle) <= reach else (low, middle)
+    return low
+
+
+def _reach(span: NDArray[np.float64], margin_m: float) -> float:
+    """Largest distance (m) from a sub-leg to a point of its bounding box grown by a margin.
+
+    The distance from a straight is convex, so it is largest at a corner; opposite corners are alike.
+    """
+    x, y, z = (float(c) for c in span)
+    square = x * x + y * y + z * z
+    worst = 0.0
+    for high_y in (False, True):
+        for high_z in (False, True):
+            px = x + margin_m
+            py = y + margin_m if high_y else -margin_m
+            pz = z + margin_m if high_z else -margin_m
+            along = min(max((px * x + py * y + pz * z) / square, 0.0), 1.0) if square > 0 else 0.0
+            worst = max(worst, math.dist((px, py, pz), (along * x, along * y, along * z)))
+    return worst

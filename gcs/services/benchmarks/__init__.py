@@ -1,0 +1,1 @@
+"""The project's benchmarks: what `gcs bench` runs."""

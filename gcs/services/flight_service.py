@@ -1,0 +1,458 @@
+"""Flights: what an operator may ask, checked, commanded, proved, and followed.
+
+The API and `gcs fly` use the same service. Nothing here is a side effect of anything but an operator's request: at the
+start of the station flights that are still open are followed again, and nothing is commanded.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import math
+from dataclasses import asdict
+from typing import TYPE_CHECKING, Any
+
+from gcs.core.clock import new_id, utc_now
+from gcs.core.errors import ConflictError, GcsError, LinkError, RefusedError
+from gcs.core.mission import MissionItem
+from gcs.mavlink.canonical_form import compare
+from gcs.mavlink.events import VehicleFoundEvent
+from gcs.services.flight_checks import FlightChecks
+from gcs.services.flight_recorder import ERROR, NOTICE, FlightRecorder
+from gcs.services.flight_run import IN_THE_AIR, FlightRun
+from gcs.services.flight_types import OnVehicleMission, PreflightReport, allowed_actions
+from gcs.services.mission_files import mission_of_plan
+from gcs.services.offboard_flight import OffboardFlight, StreamEndedError
+from gcs.services.resumed_plan import plan_from_here
+from gcs.storage.records import FlightPath, FlightRecord, FlightState, UploadState
+
+if TYPE_CHECKING:
+    from collections.abc import Coroutine
+
+    from gcs.core.mission import Mission
+    from gcs.core.plan import Plan
+    from gcs.mavlink.vehicle import Vehicle
+    from gcs.services.live_feed import LiveFeed
+    from gcs.services.plan_service import PlanService
+    from gcs.services.vehicle_service import VehicleService
+    from gcs.storage.database import Database
+    from gcs.storage.image_store import ImageStore
+
+log = logging.getLogger(__name__)
+
+
+class FlightControlService:
+    """Implements `gcs.services.flight_types.FlightService`.
+
+    Args:
+        database: where flights are written down.
+        store: where pictures are kept.
+        feed: the dashboards.
+        plans: the station's plans.
+        vehicles: the station's vehicles.
+    """
+
+    def __init__(
+        self, database: Database, store: ImageStore, feed: LiveFeed, plans: PlanService, vehicles: VehicleService
+    ) -> None:
+        self._database = database
+        self._store = store
+        self._feed = feed
+        self._plans = plans
+        self._vehicles = vehicles
+        self._runs: dict[str, FlightRun] = {}
+        self._busy: set[str] = set()
+        self._tasks: set[asyncio.Task[None]] = set()
+        self._uploads: dict[str, asyncio.Task[None]] = {}
+
+    # ---- opening and closing the station ----
+
+    async def open(self) -> None:
+        """Follow the flights that are still open, as soon as their vehicles are heard; command nothing."""
+        self._database.flights.mark_uploads_interrupted()
+        for flight in self._database.flights.open_flights():
+            recorder = self._recorder(flight.id)
+            if flight.state is FlightState.UPLOADING or flight.state in IN_THE_AIR:
+                recorder.log("station", "the station was started again during this flight", severity=NOTICE)
+                if flight.state in IN_THE_AIR:
+                    recorder.enter(FlightState.UNKNOWN, "the station was started again; the vehicle is not heard yet")
+        self._spawn(self._watch_for_vehicles())
+
+    async def close(self) -> None:
+        """Stop streams and following; vehicles go on under their own control."""
+        for task in self._tasks:
+            task.cancel()
+        await asyncio.gather(*self._tasks, return_exceptions=True)
+        await asyncio.gather(*(run.close() for run in self._runs.values()), return_exceptions=True)
+
+    async def _watch_for_vehicles(self) -> None:
+        async with self._vehicles.station.events() as heard:
+            for vehicle in list(self._vehicles.station.vehicles.values()):
+                self._spawn(self._take_up(vehicle))
+            async for event in heard:
+                vehicle_now = self._vehicles.station.vehicles.get(event.system_id)
+                if isinstance(event.event, VehicleFoundEvent) and vehicle_now is not None:
+                    self._spawn(self._take_up(vehicle_now))
+
+    async def _take_up(self, vehicle: Vehicle) -> None:
+        """A vehicle is heard: say truthfully where its open flight stands."""
+        for flight in self._database.flights.open_flights():
+            if flight.vehicle != vehicle.identity.name or flight.id in self._runs:
+                continue
+            try:
+                if flight.state is FlightState.UPLOADING:
+                    await self._settle_upload(flight)
+                elif flight.state in IN_THE_AIR:
+                    run = self._follow(flight, vehicle, airborne=True)
+                    run.show_mode()
+                    if flight.mode is FlightPath.MISSION:
+                        await self.read_back(flight.id)
+            except GcsError as error:
+                self._recorder(flight.id).log("station", str(error), severity=ERROR)
+
+    async def _settle_upload(self, flight: FlightRecord) -> None:
+        recorder = self._recorder(flight.id)
+        held = await self.read_back(flight.id)
+        if held.equal:
+            recorder.change(proved=True)
+            recorder.enter(FlightState.UPLOADED, "the vehicle holds the whole mission, read back after the restart")
+        else:
+            why = "; ".join(held.differences[:3]) or held.problem or "it is another one"
+            recorder.enter(FlightState.UPLOAD_FAILED, f"the vehicle does not hold the plan's mission: {why}")
+
+    # ---- what operators ask ----
+
+    async def create(self, plan_id: str, vehicle: str, mode: FlightPath) -> FlightRecord:
+        """Prepare a flight; nothing is sent to the vehicle."""
+        identity = self._vehicles.vehicle(vehicle).identity
+        plan, record = self._plans.read(plan_id), self._plans.get(plan_id).plan
+        for other in self._database.flights.open_flights():
+            if other.vehicle == identity.name and (other.state in IN_THE_AIR or other.state is FlightState.UPLOADING):
+                raise ConflictError(f"{identity.name} is on flight {other.id}, which is {other.state}", field="vehicle")
+            if other.vehicle == identity.name:
+                self._recorder(other.id).enter(FlightState.ABORTED, "another flight of the same vehicle was prepared")
+        now = utc_now()
+        flight = FlightRecord(
+            id=new_id("flight"),
+            plan_id=plan_id,
+            plan_hash=record.plan_hash or "",
+            vehicle=identity.name,
+            system_id=identity.system_id,
+            mode=mode,
+            state=FlightState.CREATED,
+            created_at=now,
+            updated_at=now,
+            viewpoints=len(plan.viewpoints),
+        )
+        self._database.flights.add(flight)
+        self._recorder(flight.id).log("state", f"prepared for {identity.name}, {mode}", severity=NOTICE)
+        return flight
+
+    async def preflight(self, flight_id: str) -> PreflightReport:
+        """Read the vehicle's limits, failsafes and references, and compare them with the plan."""
+        flight, vehicle, plan = self._loaded(flight_id)
+        return await self._checks(flight, plan).report(vehicle, flight.accepted_failsafes)
+
+    async def upload(self, flight_id: str, *, confirm: str | None, accept: tuple[str, ...]) -> FlightRecord:
+        """Check, then begin to put the mission on the vehicle and prove it."""
+        flight, vehicle, plan = self._loaded(flight_id)
+        self._demand(flight, "upload")
+        if confirm is not None:
+            _confirmed(vehicle, confirm)
+        recorder = self._recorder(flight_id)
+        async with self._alone(flight_id):
+            accepted = self._accept(recorder, flight, accept)
+            checks = self._checks(flight, plan)
+            (await checks.before_upload(vehicle, accepted)).demand()
+            recorder.change(proved=False)
+            recorder.enter(FlightState.UPLOADING, "sending the mission")
+            mission = mission_of_plan(plan, vehicle.identity.autopilot)
+        self._uploads[flight_id] = self._spawn(self._upload(recorder, vehicle, mission))
+        return recorder.flight
+
+    async def on_vehicle(self, flight_id: str) -> OnVehicleMission:
+        """What the last upload proved; asks the vehicle nothing."""
+        flight = self._database.flights.get(flight_id)
+        upload = self._database.flights.latest_upload(flight_id)
+        if upload is None:
+            return OnVehicleMission(flight_id, "none", None, "", None, (), None, (), {}, "nothing was uploaded yet")
+        equal = True if upload.state is UploadState.PROVED else None
+        return OnVehicleMission(
+            flight_id=flight_id,
+            state=upload.state,
+            read_at=upload.finished_at,
+            how=upload.how,
+            equal=equal,
+            differences=(),
+            canonical_crc32=upload.canonical_crc32,
+            items=tuple(_item(i) for i in upload.items),
+            viewpoint_items=self._mission(flight).viewpoint_items,
+            problem=upload.problem,
+        )
+
+    async def read_back(self, flight_id: str) -> OnVehicleMission:
+        """Read the vehicle's mission now and compare it with the plan's."""
+        flight, vehicle, _ = self._loaded(flight_id)
+        mission = self._mission(flight)
+        items = await vehicle.download_mission()
+        comparison = compare(mission.items, items, vehicle.identity.autopilot)
+        recorder = self._recorder(flight_id)
+        text = "equals the plan's mission" if comparison.equal else f"is not the plan's mission: {comparison.summary}"
+        recorder.log("upload", f"read back: what the vehicle holds {text}", severity=NOTICE)
+        upload = self._database.flights.latest_upload(flight_id)
+        return OnVehicleMission(
+            flight_id=flight_id,
+            state="none" if upload is None else upload.state,
+            read_at=utc_now(),
+            how="read back item by item",
+            equal=comparison.equal,
+            differences=comparison.differences,
+            canonical_crc32=comparison.canonical_crc32,
+            items=items,
+            viewpoint_items=mission.viewpoint_items,
+        )
+
+    async def start(self, flight_id: str, *, confirm: str, accept: tuple[str, ...]) -> FlightRecord:
+        """Check, arm, take off and fly; the confirmation names the vehicle."""
+        flight, vehicle, plan = self._loaded(flight_id)
+        self._demand(flight, "start")
+        _confirmed(vehicle, confirm)
+        recorder = self._recorder(flight_id)
+        async with self._alone(flight_id):
+            accepted = self._accept(recorder, flight, accept)
+            checks = self._checks(flight, plan)
+            (await checks.before_start(vehicle, accepted)).demand()
+            if flight.mode is FlightPath.MISSION:
+                held = await self.read_back(flight_id)
+                if not held.equal:
+                    recorder.change(proved=False)
+                    recorder.enter(FlightState.UPLOAD_FAILED, "the vehicle's mission changed after the upload")
+                    raise RefusedError(
+                        "the vehicle no longer holds the plan's mission: upload again", field=flight.vehicle
+                    )
+            await vehicle.announce_plan(flight.plan_hash)
+            run = self._follow(flight, vehicle)
+            await run.collector.remember_earlier()
+            recorder.log("command", f"start confirmed for {confirm}", severity=NOTICE)
+            if flight.mode is FlightPath.OFFBOARD:
+                warp = await checks.stream_loss_warp(vehicle)
+                recorder.change(started_at=utc_now())
+                self._stream(run, OffboardFlight(plan, warp, vehicle, recorder, run.collector))
+                return recorder.flight
+            try:
+                await vehicle.start_mission()
+            except GcsError:
+                await self._drop(flight_id)
+                raise
+            recorder.change(started_at=utc_now())
+            recorder.enter(FlightState.FLYING, "the vehicle is armed and flies its mission")
+        return recorder.flight
+
+    async def resume(self, flight_id: str, *, confirm: str, accept: tuple[str, ...]) -> FlightRecord:
+        """Go on from where the vehicle is; the confirmation names the vehicle."""
+        flight, vehicle, plan = self._loaded(flight_id)
+        self._demand(flight, "resume")
+        _confirmed(vehicle, confirm)
+        run, recorder = self._run(flight_id), self._recorder(flight_id)
+        async with self._alone(flight_id):
+            accepted = self._accept(recorder, flight, accept)
+            recorder.log("command", f"resume confirmed for {confirm}", severity=NOTICE)
+            if vehicle.pilot_in_control:
+                vehicle.take_back(confirm)
+            if flight.mode is FlightPath.MISSION:
+                await vehicle.resume_mission()
+                recorder.enter(FlightState.FLYING, "the mission goes on")
+            elif run.offboard is not None and run.offboard.streaming:
+                run.offboard.resume()
+                recorder.enter(FlightState.FLYING, "the stream goes on")
+            else:
+                rest = await plan_from_here(plan, self._plans.directory(flight.plan_id), vehicle, run.tracker.visits)
+                recorder.log("state", f"new way from here: {rest.certificates.length_m:.0f} m", severity=NOTICE)
+                checks = self._checks(flight, rest)
+                (await checks.in_the_air(vehicle, accepted)).demand()
+                warp = await checks.stream_loss_warp(vehicle)
+                run.cut_short = None
+                self._stream(run, OffboardFlight(rest, warp, vehicle, recorder, run.collector))
+        return recorder.flight
+
+    async def pause(self, flight_id: str) -> FlightRecord:
+        """Hold where it is."""
+        flight, vehicle, _ = self._loaded(flight_id)
+        self._demand(flight, "pause")
+        run, recorder = self._run(flight_id), self._recorder(flight_id)
+        recorder.log("command", "pause", severity=NOTICE)
+        if run.offboard is not None and run.offboard.streaming and flight.state is FlightState.FLYING:
+            run.offboard.pause()
+        else:
+            await vehicle.pause()
+        recorder.enter(FlightState.PAUSED, "on command")
+        return recorder.flight
+
+    async def return_home(self, flight_id: str) -> FlightRecord:
+        """Let the vehicle fly its own return."""
+        return await self._cut_short(flight_id, "return", FlightState.RETURNING)
+
+    async def land(self, flight_id: str) -> FlightRecord:
+        """Let the vehicle land where it is."""
+        return await self._cut_short(flight_id, "land", FlightState.LANDING)
+
+    async def wait(self, flight_id: str) -> FlightRecord:
+        """Wait until a started flight is over."""
+        await self._run(flight_id).over.wait()
+        return self._database.flights.get(flight_id)
+
+    async def wait_for_upload(self, flight_id: str) -> FlightRecord:
+        """Wait until an upload has ended, one way or the other."""
+        if flight_id in self._uploads:
+            await asyncio.wait({self._uploads[flight_id]})
+        return self._database.flights.get(flight_id)
+
+    # ---- inside ----
+
+    async def _cut_short(self, flight_id: str, action: str, state: FlightState) -> FlightRecord:
+        flight, vehicle, _ = self._loaded(flight_id)
+        self._demand(flight, action)
+        run, recorder = self._run(flight_id), self._recorder(flight_id)
+        recorder.log("command", action, severity=NOTICE)
+        run.cut_short = f"the operator asked to {action}"
+        await (vehicle.return_home() if state is FlightState.RETURNING else vehicle.land())
+        recorder.enter(state, "on command")
+        return recorder.flight
+
+    async def _upload(self, recorder: FlightRecorder, vehicle: Vehicle, mission: Mission) -> None:
+        upload = self._database.flights.begin_upload(recorder.flight_id, len(mission.items))
+
+        class Told:
+            def report(self, stage: str, fraction: float) -> None:
+                recorder.upload_progress(stage, fraction)
+
+        try:
+            proof = await vehicle.upload_mission(mission, Told())
+            items = [_stored(i) for i in await vehicle.download_mission()]
+        except (GcsError, asyncio.CancelledError) as error:
+            self._database.flights.end_upload(upload.id, UploadState.FAILED, problem=str(error) or "cancelled")
+            recorder.problem(f"upload failed: {error}")
+            recorder.enter(FlightState.UPLOAD_FAILED, str(error) or "cancelled")
+            if isinstance(error, asyncio.CancelledError):
+                raise
+            return
+        self._database.flights.end_upload(
+            upload.id,
+            UploadState.PROVED,
+            items_read=proof.items_read,
+            how=proof.how,
+            canonical_crc32=proof.canonical_crc32,
+            items=items,
+        )
+        recorder.change(proved=True)
+        recorder.enter(FlightState.UPLOADED, f"proved: {proof.items_read} items {proof.how}")
+
+    def _stream(self, run: FlightRun, offboard: OffboardFlight) -> None:
+        run.offboard = offboard
+        self._spawn(self._fly_offboard(run, offboard))
+
+    async def _fly_offboard(self, run: FlightRun, offboard: OffboardFlight) -> None:
+        recorder = run.recorder
+        recorder.enter(FlightState.ARMED, "going into offboard")
+        try:
+            await offboard.fly(lambda: recorder.enter(FlightState.FLYING, "the vehicle follows the stream"))
+        except StreamEndedError as error:
+            recorder.log("offboard", str(error), severity=ERROR)
+            run.show_mode()
+        except GcsError as error:
+            recorder.problem(str(error))
+            if run.vehicle.in_air:
+                run.show_mode()
+            else:
+                recorder.enter(FlightState.ABORTED, str(error))
+                run.over.set()
+                await self._drop(recorder.flight_id)
+        recorder.change(plan_time_s=offboard.plan_time_s)
+
+    def _follow(self, flight: FlightRecord, vehicle: Vehicle, *, airborne: bool = False) -> FlightRun:
+        run = FlightRun(self._plans.read(flight.plan_id), flight.plan_hash, vehicle, self._recorder(flight.id))
+        self._runs[flight.id] = run
+        self._vehicles.set_flight(flight.system_id, flight.id)
+        run.start(airborne=airborne)
+        return run
+
+    async def _drop(self, flight_id: str) -> None:
+        """Stop following a flight that did not leave the ground."""
+        run = self._runs.pop(flight_id, None)
+        if run is not None:
+            self._vehicles.set_flight(run.vehicle.identity.system_id, None)
+            await run.close()
+
+    def _run(self, flight_id: str) -> FlightRun:
+        run = self._runs.get(flight_id)
+        if run is None:
+            raise LinkError(
+                "the vehicle of this flight has not been heard since the station was started", field=flight_id
+            )
+        return run
+
+    def _recorder(self, flight_id: str) -> FlightRecorder:
+        run = self._runs.get(flight_id)
+        return run.recorder if run else FlightRecorder(flight_id, self._database, self._store, self._feed)
+
+    def _loaded(self, flight_id: str) -> tuple[FlightRecord, Vehicle, Plan]:
+        flight = self._database.flights.get(flight_id)
+        return flight, self._vehicles.vehicle(flight.vehicle), self._plans.read(flight.plan_id)
+
+    def _mission(self, flight: FlightRecord) -> Mission:
+        autopilot = self._vehicles.vehicle(flight.vehicle).identity.autopilot
+        return mission_of_plan(self._plans.read(flight.plan_id), autopilot)
+
+    def _checks(self, flight: FlightRecord, plan: Plan) -> FlightChecks:
+        return FlightChecks(flight, plan, self._plans.directory(flight.plan_id))
+
+    def _accept(self, recorder: FlightRecorder, flight: FlightRecord, names: tuple[str, ...]) -> tuple[str, ...]:
+        accepted = tuple(dict.fromkeys((*flight.accepted_failsafes, *names)))
+        if accepted != flight.accepted_failsafes:
+            recorder.change(accepted_failsafes=accepted)
+            recorder.log("command", f"accepted by the operator: {', '.join(names)}", severity=NOTICE)
+        return accepted
+
+    def _demand(self, flight: FlightRecord, action: str) -> None:
+        if action not in allowed_actions(flight.state, flight.mode):
+            raise ConflictError(f"cannot {action} a flight that is {flight.state}", field=flight.id)
+
+    def _alone(self, flight_id: str) -> _Alone:
+        return _Alone(self._busy, flight_id)
+
+    def _spawn(self, work: Coroutine[None, None, None]) -> asyncio.Task[None]:
+        task = asyncio.get_running_loop().create_task(work)
+        self._tasks.add(task)
+        task.add_done_callback(self._tasks.discard)
+        return task
+
+
+class _Alone:
+    """One command of a flight at a time."""
+
+    def __init__(self, busy: set[str], flight_id: str) -> None:
+        self._busy = busy
+        self._flight_id = flight_id
+
+    async def __aenter__(self) -> None:
+        if self._flight_id in self._busy:
+            raise ConflictError("another command of this flight is under way", field=self._flight_id)
+        self._busy.add(self._flight_id)
+
+    async def __aexit__(self, *error: object) -> None:
+        self._busy.discard(self._flight_id)
+
+
+def _confirmed(vehicle: Vehicle, confirm: str) -> None:
+    if confirm.strip() not in {vehicle.identity.name, str(vehicle.identity.system_id)}:
+        raise RefusedError(f"the confirmation does not name the vehicle: type {vehicle.identity.name}", field="confirm")
+
+
+def _stored(item: MissionItem) -> dict[str, Any]:
+    """An item as JSON takes it: None for NaN."""
+    return {**asdict(item), "params": [None if math.isnan(p) else p for p in item.params]}
+
+
+def _item(stored: dict[str, Any]) -> MissionItem:
+    p1, p2, p3, p4 = (math.nan if p is None else float(p) for p in stored["params"])
+    return MissionItem(**{**stored, "params": (p1, p2, p3, p4)})

@@ -1,0 +1,182 @@
+"""Brings a flight's pictures from the vehicle, one at a time, and keeps trying until each is whole or given up."""
+
+from __future__ import annotations
+
+import asyncio
+from typing import TYPE_CHECKING
+
+from gcs.core.clock import new_id, utc_now
+from gcs.core.errors import GcsError, LinkError, StorageError
+from gcs.services.flight_recorder import NOTICE, WARNING
+from gcs.services.image_account import ImageAccounting, scene_position
+from gcs.storage.records import ImageRecord, ImageState
+
+if TYPE_CHECKING:
+    from gcs.core.plan import Plan
+    from gcs.core.vehicle import ImageReport
+    from gcs.mavlink.vehicle import Vehicle
+    from gcs.services.flight_recorder import FlightRecorder
+    from gcs.services.image_account import ImageAccount
+
+FOLDER = "/DCIM"
+TRIES = 5
+RETRY_S = 1.0
+EARLIER = "earlier pictures"
+
+
+class ImageCollector:
+    """The pictures of one flight.
+
+    Announced pictures with a file name are fetched at once. Vehicles that announce without a name (ArduPilot's
+    CAMERA_FEEDBACK), and announcements that were lost, are found by listing the camera's folder; what was in it before
+    the flight is left out.
+    """
+
+    def __init__(self, plan: Plan, vehicle: Vehicle, recorder: FlightRecorder) -> None:
+        self._plan = plan
+        self._vehicle = vehicle
+        self._recorder = recorder
+        self._accounting = ImageAccounting(plan, recorder)
+        self._waiting: asyncio.Queue[ImageRecord] = asyncio.Queue()
+        self._nameless: set[int] = set()
+        self._counted: set[int] = set()
+        self.announced = asyncio.Event()
+
+    @property
+    def count(self) -> int:
+        """How many pictures were announced since the start of this station."""
+        return len(self._counted)
+
+    async def remember_earlier(self) -> None:
+        """Before the flight: write down what the camera's folder holds already."""
+        try:
+            names = sorted(await self._names())
+        except GcsError as error:
+            self._recorder.log("image", f"the camera's folder cannot be listed: {error}", severity=WARNING)
+            return
+        self._recorder.log("image", f"{EARLIER}: {len(names)}", names=names)
+
+    def take(self, report: ImageReport) -> None:
+        """The vehicle announces a picture."""
+        self._counted.add(report.index)
+        self.announced.set()
+        if not report.success:
+            self._recorder.log("image", f"picture {report.index} failed on the vehicle", severity=WARNING)
+            return
+        path = _plain_path(report.file)
+        if path is None:
+            if report.index not in self._nameless:
+                self._nameless.add(report.index)
+                self._recorder.log("image", f"picture {report.index} taken")
+            return
+        image = self._recorder.image(
+            ImageRecord(
+                id=new_id("image"),
+                flight_id=self._recorder.flight_id,
+                index=report.index,
+                viewpoint_id=None,
+                viewpoint_name=None,
+                state=ImageState.ANNOUNCED,
+                source="link",
+                announced_at=utc_now(),
+                vehicle_path=path,
+                vehicle_time_s=report.at_vehicle_s,
+                position_m=scene_position(self._plan, report.position),
+            )
+        )
+        if image.state is ImageState.ANNOUNCED:
+            self._waiting.put_nowait(image)
+
+    async def run(self) -> None:
+        """Fetch what is announced, until cancelled."""
+        for image in self._recorder.database.images.unfinished(self._recorder.flight_id):
+            self._waiting.put_nowait(image)
+        while True:
+            image = await self._waiting.get()
+            try:
+                await self._fetch(image)
+            finally:
+                self._waiting.task_done()
+
+    async def finish(self) -> ImageAccount:
+        """After the flight: fetch what is left, look for what was never announced, and settle the account."""
+        await self._waiting.join()
+        account = self._accounting.settle()
+        if not account.complete or self._nameless:
+            try:
+                await self._find_unannounced()
+            except GcsError as error:
+                self._recorder.log("image", f"the camera's folder cannot be listed: {error}", severity=WARNING)
+            await self._waiting.join()
+            account = self._accounting.settle()
+        return account
+
+    async def _find_unannounced(self) -> None:
+        known = {i.vehicle_path for i in self._stored_or_waiting()} | {f"{FOLDER}/{n}" for n in self._earlier()}
+        for name in sorted(await self._names()):
+            path = f"{FOLDER}/{name}"
+            if path not in known:
+                image = ImageRecord(
+                    id=new_id("image"),
+                    flight_id=self._recorder.flight_id,
+                    index=None,
+                    viewpoint_id=None,
+                    viewpoint_name=None,
+                    state=ImageState.ANNOUNCED,
+                    source="link",
+                    announced_at=utc_now(),
+                    vehicle_path=path,
+                )
+                self._waiting.put_nowait(self._recorder.image(image))
+
+    async def _fetch(self, image: ImageRecord) -> None:
+        if image.vehicle_path is None:
+            return
+        self._recorder.change_image(image.id, state=ImageState.FETCHING)
+        problem = ""
+        for attempt in range(TRIES):
+            if attempt:
+                await asyncio.sleep(RETRY_S * attempt)
+            try:
+                file = await self._vehicle.fetch_file(image.vehicle_path)
+                self._recorder.store_image(image, file.data, crc32=file.crc32)
+            except StorageError as error:
+                self._recorder.problem(f"pictures cannot be kept, they stay on the vehicle: {error}")
+                problem = str(error)
+                break
+            except GcsError as error:
+                problem = str(error)
+                if not isinstance(error, LinkError) and attempt >= 1:
+                    break
+            else:
+                checked = "CRC-32 agrees" if file.confirmed else "the vehicle offers no CRC-32 to compare"
+                self._recorder.log("image", f"{image.vehicle_path} received, {len(file.data)} bytes, {checked}")
+                self._accounting.settle()
+                return
+        self._recorder.change_image(image.id, state=ImageState.FAILED, problem=problem)
+        self._recorder.log("image", f"{image.vehicle_path} not received: {problem}", severity=NOTICE)
+
+    async def _names(self) -> set[str]:
+        listing = await self._vehicle.list_files(FOLDER)
+        return {entry.name for entry in listing.entries if not entry.is_directory}
+
+    def _stored_or_waiting(self) -> tuple[ImageRecord, ...]:
+        images = self._recorder.database.images.of_flight(self._recorder.flight_id)
+        return tuple(i for i in images if i.state is not ImageState.FAILED)
+
+    def _earlier(self) -> set[str]:
+        for event in self._recorder.database.flights.events(self._recorder.flight_id):
+            if event.kind == "image" and event.text.startswith(EARLIER):
+                return set(event.data["names"])
+        return set()
+
+
+def _plain_path(file: str | None) -> str | None:
+    """The path on the vehicle that an announcement names; None for what MAVLink FTP cannot fetch."""
+    if file is None or "\0" in file:
+        return None
+    for prefix in ("mftp://", "mftp:"):
+        if file.startswith(prefix):
+            path = "/" + file.removeprefix(prefix).lstrip("/")
+            return path if len(path) < 200 else None
+    return None

@@ -1,0 +1,210 @@
+"""An offboard flight: the plan streamed as setpoints, halting at every viewpoint until its picture is taken."""
+
+from __future__ import annotations
+
+import asyncio
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from gcs.core.errors import GcsError, LinkError
+from gcs.core.frames import geodetic_from_enu, rigid_between, wrap_angle
+from gcs.mavlink.offboard import Setpoint
+from gcs.services.flight_recorder import WARNING
+from gcs.services.plan_clock import PlanClock
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from gcs.core.plan import Plan, Viewpoint
+    from gcs.mavlink.offboard import OffboardSession
+    from gcs.mavlink.vehicle import Vehicle
+    from gcs.planning.retiming import TimeWarp
+    from gcs.services.flight_recorder import FlightRecorder
+    from gcs.services.image_collector import ImageCollector
+
+COLUMN_M = 0.05
+"""Within this of home, seen from above, the vehicle is in the take-off and landing column."""
+
+FEED_S = 0.1
+SETTLE_TIMEOUT_S = 10.0
+SETTLED_M, SETTLED_M_S = 0.3, 0.3
+SETTLED_YAW_RAD, SETTLED_PITCH_RAD = math.radians(5.0), math.radians(3.0)
+PICTURE_TIMEOUT_S = 4.0
+PICTURE_TRIES = 3
+
+
+class StreamEndedError(GcsError):
+    """The stream of setpoints ended before the plan did."""
+
+    title = "Stream ended"
+
+
+class OffboardFlight:
+    """Streams one plan to one vehicle.
+
+    Args:
+        plan: what is flown; it begins at home on the ground, or at rest in the air where the vehicle hovers.
+        warp: the plan's times, slowed where losing the stream would not be survivable (safety rule 6).
+        vehicle: who flies.
+        recorder: where it is written down.
+        collector: hears of the pictures.
+    """
+
+    def __init__(
+        self, plan: Plan, warp: TimeWarp, vehicle: Vehicle, recorder: FlightRecorder, collector: ImageCollector
+    ) -> None:
+        self._plan = plan
+        self._warp = warp
+        self._vehicle = vehicle
+        self._recorder = recorder
+        self._collector = collector
+        self._session: OffboardSession | None = None
+        leave, enter = column_times(plan)
+        self._clock = PlanClock(warp.time_of(leave), paused=True)
+        self._land_at_s = warp.time_of(enter)
+        self._take_off_m = float(plan.trajectory.value(leave)[2])
+        self._rotation = np.eye(3)
+        self._shift = np.zeros(3)
+
+    @property
+    def plan_time_s(self) -> float:
+        """How far along the plan it is."""
+        return float(self._warp.plan_time(self._clock.time_s))
+
+    def pause(self) -> None:
+        """Slow down to a hover; the stream goes on."""
+        self._clock.pause()
+
+    def resume(self) -> None:
+        """Go on after a pause."""
+        self._clock.resume()
+
+    @property
+    def streaming(self) -> bool:
+        """Whether setpoints go out."""
+        return self._session is not None and self._session.active
+
+    async def fly(self, on_flying: Callable[[], None]) -> None:
+        """Take off if need be, fly the whole plan, and hand over to the vehicle's own landing over home.
+
+        Args:
+            on_flying: called when the stream leads the vehicle.
+
+        Raises:
+            StreamEndedError: the stream ended early; the vehicle holds or somebody else has it.
+            RefusedError: the vehicle refused to take off, to be led, or to land.
+            LinkError: it is not heard.
+        """
+        origin = self._vehicle.telemetry.origin
+        if origin is None:
+            raise LinkError("it did not tell its origin", field=self._vehicle.identity.name)
+        self._rotation, self._shift = rigid_between(self._plan.scenario.anchor.point, origin.value)
+        altitude = geodetic_from_enu(
+            [*self._plan.scenario.home_m[:2], self._take_off_m], self._plan.scenario.anchor.point
+        )
+        self._session = session = await self._vehicle.offboard(
+            f"flight {self._recorder.flight_id}", take_off_altitude_amsl_m=float(altitude[2])
+        )
+        feeding = asyncio.create_task(self._feed(session))
+        try:
+            session.fly(self.setpoint)
+            on_flying()
+            self._clock.resume()
+            for viewpoint in self._plan.viewpoints:
+                await self._photograph(viewpoint)
+            self._clock.gate_s = math.inf
+            await self._until(lambda: self._clock.time_s >= self._land_at_s, math.inf, "the way home")
+            await self._vehicle.land()
+        finally:
+            feeding.cancel()
+
+    def setpoint(self, vehicle_s: float) -> Setpoint | None:
+        """The setpoint at a time of the vehicle's clock; called from the stream's thread."""
+        now = self._clock.read(vehicle_s)
+        plan_s = float(self._warp.plan_time(now.time_s))
+        warp_rate, warp_change = float(self._warp.rate(now.time_s)), float(self._warp.acceleration(now.time_s))
+        rate = warp_rate * now.rate
+        change = warp_change * now.rate**2 + warp_rate * now.rate_change
+        position, velocity, acceleration = (self._plan.trajectory.value(plan_s, k) for k in range(3))
+        return Setpoint(
+            position_m=self._rotation @ position + self._shift,
+            velocity_m_s=self._rotation @ (velocity * rate),
+            acceleration_m_s2=self._rotation @ (acceleration * rate**2 + velocity * change),
+            yaw_rad=wrap_angle(float(self._plan.yaw.value(plan_s))),
+        )
+
+    async def _feed(self, session: OffboardSession) -> None:
+        """Keep the dead-man's switch closed for as long as this task, and with it the event loop, is alive."""
+        while session.active:
+            session.feed()
+            await asyncio.sleep(FEED_S)
+
+    async def _photograph(self, viewpoint: Viewpoint) -> None:
+        self._clock.gate_s = gate = self._warp.time_of(viewpoint.time_s)
+        try:
+            await self._vehicle.point_gimbal(viewpoint.gimbal_pitch_rad)
+        except GcsError as error:
+            self._recorder.problem(f"{viewpoint.name}: the gimbal was not pointed: {error}")
+        await self._until(lambda: self._clock.time_s >= gate, math.inf, viewpoint.name)
+        try:
+            await self._until(lambda: self._settled(viewpoint), SETTLE_TIMEOUT_S, f"{viewpoint.name} to settle")
+        except LinkError:
+            self._recorder.log(
+                "viewpoint", f"{viewpoint.name}: not settled, photographed all the same", severity=WARNING
+            )
+        for _ in range(PICTURE_TRIES):
+            before = self._collector.count
+            try:
+                await self._vehicle.take_picture()
+                await self._until(lambda: self._collector.count > before, PICTURE_TIMEOUT_S, "the picture")  # noqa: B023
+            except StreamEndedError:
+                raise
+            except GcsError as error:
+                self._recorder.log("image", f"{viewpoint.name}: {error}", severity=WARNING)
+            else:
+                return
+        self._recorder.problem(f"{viewpoint.name}: the vehicle announced no picture")
+
+    def _settled(self, viewpoint: Viewpoint) -> bool:
+        """Whether vehicle and camera stand still and look where they should, as far as telemetry tells."""
+        telemetry = self._vehicle.telemetry
+        place, velocity, yaw = telemetry.local_position_m, telemetry.velocity_m_s, telemetry.yaw_rad
+        if place is None or velocity is None or yaw is None:
+            return False
+        off = np.linalg.norm(place.value - (self._rotation @ viewpoint.position_m + self._shift))
+        turned = abs(wrap_angle(yaw.value - viewpoint.yaw_rad))
+        still = off <= SETTLED_M and np.linalg.norm(velocity.value) <= SETTLED_M_S and turned <= SETTLED_YAW_RAD
+        pitch = telemetry.gimbal_pitch_rad
+        return bool(still) and (
+            pitch is None or abs(wrap_angle(pitch.value - viewpoint.gimbal_pitch_rad)) <= SETTLED_PITCH_RAD
+        )
+
+    async def _until(self, holds: Callable[[], bool], timeout_s: float, what: str) -> None:
+        """Wait, and notice the stream's end meanwhile."""
+        loop = asyncio.get_running_loop()
+        give_up_at = loop.time() + timeout_s
+        while not holds():
+            session = self._session
+            if session is None or session.end is not None:
+                _, detail = (session and session.end) or (None, "it was never started")
+                raise StreamEndedError(f"the stream of setpoints ended: {detail}")
+            if loop.time() >= give_up_at:
+                raise LinkError(f"waited {timeout_s:g} s in vain for {what}")
+            await asyncio.sleep(0.05)
+
+
+def column_times(plan: Plan) -> tuple[float, float]:
+    """When the plan leaves the take-off column over home, and when it has entered the landing column (plan time, s).
+
+    A plan that begins in the air leaves at 0.
+    """
+    t = np.arange(0.0, plan.trajectory.duration_s, 0.02)
+    p = plan.trajectory.value(t)
+    aside = np.hypot(*(p - np.asarray(plan.scenario.home_m))[:, :2].T)
+    outside = np.flatnonzero(aside > COLUMN_M)
+    if len(outside) == 0:
+        return 0.0, 0.0
+    first, last = int(outside[0]), int(outside[-1])
+    return float(t[max(first - 1, 0)]), float(t[min(last + 1, len(t) - 1)])

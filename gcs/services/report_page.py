@@ -1,0 +1,149 @@
+"""`report.html`: a plan for people, with pictures, complete in one file."""
+
+from __future__ import annotations
+
+from html import escape
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from gcs.services.report_pictures import scene_view, speed_chart
+
+if TYPE_CHECKING:
+    from gcs.core.plan import Plan
+    from gcs.core.structure import Structure
+
+FIGURES: tuple[tuple[str, str, str], ...] = (
+    ("min_clearance_m", "smallest hull clearance", "m"),
+    ("length_m", "length of the trajectory", "m"),
+    ("path_length_m", "length of the path", "m"),
+    ("duration_s", "duration", "s"),
+    ("mean_deviation_m", "mean deviation from the path", "m"),
+    ("max_deviation_m", "largest deviation from the path", "m"),
+    ("max_speed_m_s", "highest speed", "m/s"),
+    ("max_acceleration_m_s2", "highest acceleration", "m/s²"),
+    ("max_jerk_m_s3", "highest jerk", "m/s³"),
+    ("corridor_violation_m", "corridor violation", "m"),
+    ("worst_viewpoint_miss_m", "worst miss of a viewpoint", "m"),
+    ("viewpoints", "viewpoints", ""),
+    ("coverage", "seen share of what is coverable", ""),
+    ("coverable", "coverable share of all sampled sides", ""),
+    ("tour_cost", "cost of the tour", ""),
+    ("tour_lower_bound", "lower bound of any tour", ""),
+    ("tour_metric", "metric of the tour", ""),
+    ("energy_wh", "energy", "Wh"),
+    ("open_sky", "share of the time under open sky", ""),
+    ("mission_items", "mission items", ""),
+)
+
+STYLE = """
+body{font:15px/1.45 system-ui,sans-serif;margin:2rem auto;max-width:68rem;padding:0 1rem;color:#1b2530}
+h1{font-size:1.5rem}h2{font-size:1.15rem;margin-top:2rem}
+table{border-collapse:collapse;font-variant-numeric:tabular-nums}
+td,th{padding:.15rem .8rem .15rem 0;text-align:left;border-bottom:1px solid #dde3e8}
+td.n{text-align:right}.views{display:flex;flex-wrap:wrap;gap:1rem}figure{margin:0}figcaption{color:#5a6b7b}
+svg{background:#f6f8fa;border:1px solid #dde3e8}
+.s{stroke:#9aa7b3;fill:none;stroke-width:.5}.c{stroke:#6b5b95;fill:none;stroke-width:1}
+.p{stroke:#e08e0b;fill:none;stroke-width:1;stroke-dasharray:4 3}.t{stroke:#0b6fb8;fill:none;stroke-width:1.5}
+.v{fill:#c0392b}.h{fill:#1e8449}.a{stroke:#5a6b7b;stroke-width:1}text{font:11px system-ui,sans-serif;fill:#3c4a57}
+"""
+
+
+def report_page(plan: Plan, structure: Structure, report: dict[str, Any]) -> str:
+    """The page.
+
+    Args:
+        plan: a finished plan.
+        structure: what is inspected.
+        report: content of `report.json`.
+    """
+    scenario = plan.scenario
+    title = escape(scenario.name)
+    views = "".join(
+        f"<figure>{scene_view(plan, structure, axes)}<figcaption>{caption}</figcaption></figure>"
+        for axes, caption in (
+            ((0, 1), "from above (east, north)"),
+            ((0, 2), "from the south (east, up)"),
+            ((1, 2), "from the east (north, up)"),
+        )
+    )
+    legend = (
+        "Grey: structure. Violet: cables. Orange, dashed: path. Blue: trajectory. Red: viewpoints. Green: home. Metres."
+    )
+    return (
+        f'<!doctype html>\n<html lang="en"><head><meta charset="utf-8"><title>{title}</title><style>{STYLE}</style>'
+        f"</head><body>\n<h1>{title}</h1>\n<p>{_summary(plan)}</p>\n"
+        f'<h2>Views</h2><div class="views">{views}</div><p>{legend}</p>\n'
+        f"<h2>Speed over time</h2>{speed_chart(plan)}\n"
+        f"<h2>Certificates</h2>{_figures(report)}\n"
+        f"<h2>Clearance budget</h2>{_budget(plan)}\n"
+        f"<h2>Viewpoints</h2>{_viewpoints(plan)}\n"
+        f"<h2>Planning time</h2>{_stages(plan)}\n</body></html>\n"
+    )
+
+
+def _summary(plan: Plan) -> str:
+    anchor, camera = plan.scenario.anchor, plan.scenario.camera
+    return (
+        f"{len(plan.viewpoints)} viewpoints in {plan.certificates.duration_s:.0f} s. "
+        f"Anchor {anchor.latitude_deg:.7f}°, {anchor.longitude_deg:.7f}°, {anchor.altitude_m:.2f} m above sea level. "
+        f"Camera {camera.sensor_width_mm:g} x {camera.sensor_height_mm:g} mm, f = {camera.focal_length_mm:g} mm, "
+        f"{camera.image_width_px} x {camera.image_height_px} px."
+    )
+
+
+def _value(value: object) -> str:
+    if value is None:
+        return "not asked"
+    return f"{value:.4g}" if isinstance(value, float) else escape(str(value))
+
+
+def _figures(report: dict[str, Any]) -> str:
+    rows = "".join(
+        f'<tr><td>{name}</td><td class="n">{_value(report.get(key))}</td><td>{unit}</td></tr>'
+        for key, name, unit in FIGURES
+    )
+    return f"<table>{rows}</table>"
+
+
+def _budget(plan: Plan) -> str:
+    safety, vehicle = plan.scenario.safety, plan.scenario.vehicle
+    parts = (
+        ("clearance", safety.clearance_m),
+        ("tracking error", safety.tracking_m),
+        ("position error", safety.position_m),
+        ("model error", safety.model_m),
+    )
+    rows = "".join(f'<tr><td>{name}</td><td class="n">{value:.2f}</td><td>m</td></tr>' for name, value in parts)
+    return (
+        f'<table>{rows}<tr><th>asked between hull and surface</th><td class="n">{safety.hull_clearance_m:.2f}</td>'
+        f"<td>m</td></tr><tr><th>certified</th>"
+        f'<td class="n">{plan.certificates.min_clearance_m:.2f}</td><td>m</td></tr></table>'
+        f"<p>The hull's radius of {vehicle.radius_m:.2f} m comes on top of it.</p>"
+    )
+
+
+def _viewpoints(plan: Plan) -> str:
+    head = "".join(
+        f"<th>{h}</th>" for h in ("", "name", "time s", "east m", "north m", "up m", "yaw °", "pitch °", "GSD mm")
+    )
+    rows = []
+    for v in plan.viewpoints:
+        numbers = (
+            f"{v.time_s:.1f}",
+            *(f"{c:.2f}" for c in v.position_m),
+            f"{np.degrees(v.yaw_rad):.1f}",
+            f"{np.degrees(v.gimbal_pitch_rad):.1f}",
+            f"{v.gsd_m * 1000:.2f}",
+        )
+        cells = "".join(f'<td class="n">{n}</td>' for n in numbers)
+        rows.append(f'<tr><td class="n">{v.id}</td><td>{escape(v.name)}</td>{cells}</tr>')
+    return f"<table><tr>{head}</tr>{''.join(rows)}</table>"
+
+
+def _stages(plan: Plan) -> str:
+    rows = "".join(
+        f'<tr><td>{escape(name)}</td><td class="n">{seconds:.2f}</td><td>s</td></tr>'
+        for name, seconds in plan.stages_s.items()
+    )
+    return f"<table>{rows}</table>"

@@ -1,0 +1,114 @@
+"""Pictures of a plan as inline SVG: the scene from three sides, and speed over time."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from gcs.core.plan import Plan
+    from gcs.core.structure import Structure
+
+WIDTH_PX = 480
+HEIGHT_PX = 420
+CHART_WIDTH_PX = 980
+CHART_HEIGHT_PX = 200
+MARGIN_PX = 28
+MAX_EDGES = 5000
+MAX_SAMPLES = 1500
+
+
+def scene_view(plan: Plan, structure: Structure, axes: tuple[int, int]) -> str:
+    """The scene in parallel projection.
+
+    Args:
+        plan: a finished plan.
+        structure: what is inspected.
+        axes: which coordinates go right and up.
+    """
+    columns = list(axes)
+    t = np.linspace(0.0, plan.trajectory.duration_s, MAX_SAMPLES)
+    curve = plan.trajectory.value(t)[:, columns]
+    path = plan.path_m[:, columns]
+    views = np.array([v.position_m for v in plan.viewpoints]).reshape(-1, 3)[:, columns]
+    edges = _edges(structure)[:, :, columns]
+    everything = np.concatenate([curve, path, edges.reshape(-1, 2), structure.bounds_m[:, columns]])
+    low, high = everything.min(axis=0), everything.max(axis=0)
+    scale = float(
+        min(
+            (WIDTH_PX - 2 * MARGIN_PX) / max(high[0] - low[0], 1),
+            (HEIGHT_PX - 2 * MARGIN_PX) / max(high[1] - low[1], 1),
+        )
+    )
+
+    def on_screen(points: NDArray[np.float64]) -> NDArray[np.float64]:
+        x = MARGIN_PX + (points[..., 0] - low[0]) * scale
+        y = HEIGHT_PX - MARGIN_PX - (points[..., 1] - low[1]) * scale
+        return np.stack([x, y], axis=-1)
+
+    home = on_screen(np.array(plan.scenario.home_m)[columns])
+    lines = "".join(f"M{a[0]:.1f} {a[1]:.1f}L{b[0]:.1f} {b[1]:.1f}" for a, b in on_screen(edges))
+    cables = "".join(
+        f"M{a[0]:.1f} {a[1]:.1f}L{b[0]:.1f} {b[1]:.1f}" for a, b in on_screen(structure.cable_ends_m[:, :, columns])
+    )
+    dots = "".join(f'<circle class="v" cx="{x:.1f}" cy="{y:.1f}" r="2.5"/>' for x, y in on_screen(views))
+    ruler = _round_length((high[0] - low[0]) / 4)
+    return (
+        f'<svg width="{WIDTH_PX}" height="{HEIGHT_PX}" role="img">'
+        f'<path class="s" d="{lines}"/><path class="c" d="{cables}"/>'
+        f'<polyline class="p" points="{_pairs(on_screen(path))}"/>'
+        f'<polyline class="t" points="{_pairs(on_screen(curve))}"/>{dots}'
+        f'<circle class="h" cx="{home[0]:.1f}" cy="{home[1]:.1f}" r="4"/>'
+        f'<path class="a" d="M{MARGIN_PX} {HEIGHT_PX - 10}h{ruler * scale:.1f}"/>'
+        f'<text x="{MARGIN_PX}" y="{HEIGHT_PX - 14}">{ruler:g} m</text></svg>'
+    )
+
+
+def speed_chart(plan: Plan) -> str:
+    """Speed over time with the limit and the times of the pictures."""
+    duration = plan.trajectory.duration_s
+    t = np.linspace(0.0, duration, MAX_SAMPLES)
+    speed = np.linalg.norm(plan.trajectory.value(t, 1), axis=1)
+    limit = plan.scenario.vehicle.max_speed_m_s
+    top = max(limit, float(speed.max())) * 1.1
+    bottom = CHART_HEIGHT_PX - MARGIN_PX
+
+    def x(time_s: NDArray[np.float64] | float) -> NDArray[np.float64]:
+        return np.asarray(MARGIN_PX + np.asarray(time_s) / duration * (CHART_WIDTH_PX - 2 * MARGIN_PX))
+
+    def y(value: NDArray[np.float64] | float) -> NDArray[np.float64]:
+        return np.asarray(bottom - np.asarray(value) / top * (bottom - MARGIN_PX / 2))
+
+    marks = "".join(f'<circle class="v" cx="{float(x(v.time_s)):.1f}" cy="{bottom}" r="2"/>' for v in plan.viewpoints)
+    limit_y = float(y(limit))
+    return (
+        f'<svg width="{CHART_WIDTH_PX}" height="{CHART_HEIGHT_PX}" role="img">'
+        f'<line class="a" x1="{MARGIN_PX}" x2="{CHART_WIDTH_PX - MARGIN_PX}" y1="{bottom}" y2="{bottom}"/>'
+        f'<line class="p" x1="{MARGIN_PX}" x2="{CHART_WIDTH_PX - MARGIN_PX}" y1="{limit_y:.1f}" y2="{limit_y:.1f}"/>'
+        f'<text x="{MARGIN_PX}" y="{limit_y - 3:.1f}">limit {limit:g} m/s</text>'
+        f'<polyline class="t" points="{_pairs(np.stack([x(t), y(speed)], axis=-1))}"/>{marks}'
+        f'<text x="{MARGIN_PX}" y="{CHART_HEIGHT_PX - 8}">0 s</text>'
+        f'<text x="{CHART_WIDTH_PX - MARGIN_PX - 30}" y="{CHART_HEIGHT_PX - 8}">{duration:.0f} s</text></svg>'
+    )
+
+
+def _edges(structure: Structure) -> NDArray[np.float64]:
+    """Edges of the triangles, shape (E, 2, 3); of large meshes an even selection."""
+    pairs = np.sort(structure.faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
+    pairs = np.unique(pairs, axis=0)
+    if len(pairs) > MAX_EDGES:
+        pairs = pairs[np.linspace(0, len(pairs) - 1, MAX_EDGES).astype(np.int64)]
+    return structure.vertices_m[pairs]
+
+
+def _pairs(points: NDArray[np.float64]) -> str:
+    return " ".join(f"{x:.1f},{y:.1f}" for x, y in points)
+
+
+def _round_length(length_m: float) -> float:
+    """The largest of 1, 2, 5, 10, ... that is not longer."""
+    power = 10.0 ** np.floor(np.log10(max(length_m, 1e-3)))
+    return float(max(m for m in (1, 2, 5) if m * power <= max(length_m, 1e-3)) * power)

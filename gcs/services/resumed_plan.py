@@ -1,0 +1,60 @@
+"""A new plan for the rest of an inspection, from where the vehicle hovers now."""
+
+from __future__ import annotations
+
+import asyncio
+import time
+from functools import lru_cache
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from gcs.core.errors import RefusedError
+from gcs.core.progress import SilentProgress
+from gcs.planning.planner import plan_rest, prepare_scene
+from gcs.services.image_account import scene_position
+from gcs.storage.plan_files import read_plan, read_structure
+
+if TYPE_CHECKING:
+    from collections.abc import Collection
+
+    from gcs.core.plan import Plan
+    from gcs.core.structure import Structure
+    from gcs.mavlink.vehicle import Vehicle
+    from gcs.planning.planner import Scene
+
+FRESH_S = 2.0
+
+
+async def plan_from_here(plan: Plan, directory: Path, vehicle: Vehicle, visited: Collection[int]) -> Plan:
+    """Plan from the vehicle's position through the viewpoints it has not been at, and home.
+
+    Args:
+        plan: what was being flown.
+        directory: its folder, for the structure.
+        vehicle: hovering.
+        visited: ids of the viewpoints that need no second visit.
+
+    Raises:
+        RefusedError: its position is not known, or it is where it must not be: it has to be flown clear by hand.
+        InfeasibleError: there is no plan from there.
+    """
+    place = vehicle.telemetry.position
+    if place is None or place.age_s(time.monotonic()) > FRESH_S:
+        raise RefusedError("its position is not known, so nothing can be planned from it", field=vehicle.identity.name)
+    start = scene_position(plan, place.value)
+    rest = [v for v in plan.viewpoints if v.id not in visited]
+    if start is None or not rest:
+        raise RefusedError("every viewpoint has been reached: return or land instead", field=vehicle.identity.name)
+    return await asyncio.to_thread(_plan, str(directory), start, tuple(v.id for v in rest))
+
+
+def _plan(directory: str, start_m: tuple[float, float, float], rest: tuple[int, ...]) -> Plan:
+    plan, structure, scene = _scene(directory)
+    remaining = [v for v in plan.viewpoints if v.id in rest]
+    return plan_rest(plan.scenario, structure, scene, remaining, start_m, SilentProgress())
+
+
+@lru_cache(maxsize=2)
+def _scene(directory: str) -> tuple[Plan, Structure, Scene]:
+    plan, structure = read_plan(Path(directory)), read_structure(Path(directory))
+    return plan, structure, prepare_scene(plan.scenario, structure, SilentProgress())

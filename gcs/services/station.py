@@ -1,0 +1,128 @@
+"""The running station: all services of one data directory, opened and closed together."""
+
+from __future__ import annotations
+
+from collections.abc import AsyncIterator, Callable
+from contextlib import AsyncExitStack, asynccontextmanager
+from typing import TYPE_CHECKING, TypeAlias
+
+from gcs.core.clock import utc_now
+from gcs.core.errors import RefusedError
+from gcs.services.live_feed import FeedEvent, LiveFeed
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from gcs.jobs.planning_jobs import PlanningJobs
+    from gcs.mavlink.station import MavlinkStation
+    from gcs.services.flight_types import FlightService
+    from gcs.services.plan_service import PlanService
+    from gcs.services.structure_service import StructureService
+    from gcs.services.vehicle_service import VehicleService
+    from gcs.storage.database import Database
+    from gcs.storage.image_store import ImageStore
+
+
+class StationServices:
+    """What the API and the flight service work with.
+
+    Args:
+        data_dir: where everything that must last is kept.
+        links: URLs to open besides those of the database.
+        make_flights: makes the flight service once all others are open.
+        make_mavlink: makes the MAVLink side; tests put another in.
+        make_jobs: makes what runs the planning; tests put another in.
+    """
+
+    database: Database
+    structures: StructureService
+    plans: PlanService
+    vehicles: VehicleService
+    images: ImageStore
+
+    def __init__(
+        self,
+        data_dir: Path,
+        *,
+        links: tuple[str, ...] = (),
+        make_flights: FlightsFactory | None = None,
+        make_mavlink: MavlinkFactory | None = None,
+        make_jobs: JobsFactory | None = None,
+    ) -> None:
+        self.data_dir = data_dir
+        self.started_at = utc_now()
+        self.feed = LiveFeed()
+        self._links = links
+        self._make_flights = make_flights
+        self._make_mavlink = make_mavlink
+        self._make_jobs = make_jobs
+        self._flights: FlightService | None = None
+
+    @property
+    def flights(self) -> FlightService:
+        """The flight service.
+
+        Raises:
+            RefusedError: this station was started without one.
+        """
+        if self._flights is None:
+            raise RefusedError("this station was started without flights")
+        return self._flights
+
+    @asynccontextmanager
+    async def running(self, render: Callable[[FeedEvent], str]) -> AsyncIterator[None]:
+        """Open everything for the time of an `async with` block.
+
+        Args:
+            render: makes the text of a live message.
+
+        Raises:
+            ConflictError: another station uses the data directory.
+            StorageError: the data directory or the database cannot be used.
+        """
+        from gcs.services.plan_service import PlanService
+        from gcs.services.structure_service import StructureService
+        from gcs.services.vehicle_service import VehicleService
+        from gcs.storage.data_directory import owned_data_directory
+        from gcs.storage.database import Database
+        from gcs.storage.image_store import ImageStore
+
+        async with AsyncExitStack() as stack:
+            stack.enter_context(owned_data_directory(self.data_dir))
+            self.database = Database(self.data_dir)
+            stack.callback(self.database.close)
+            self.database.jobs.mark_interrupted()
+            self.database.flights.mark_uploads_interrupted()
+            self.feed.open(render)
+            self.images = ImageStore(self.data_dir)
+            self.structures = StructureService(self.database, self.data_dir)
+            self.structures.open()
+            self.plans = PlanService(self.database, self.feed, self.data_dir, (self._make_jobs or _planning_jobs)())
+            self.plans.open()
+            stack.push_async_callback(self.plans.close)
+            mavlink = (self._make_mavlink or _mavlink_station)()
+            self.vehicles = VehicleService(self.database, self.feed, mavlink, self._links)
+            stack.push_async_callback(self.vehicles.close)
+            await self.vehicles.open()
+            if self._make_flights is not None:
+                self._flights = self._make_flights(self)
+                stack.push_async_callback(self._flights.close)
+                await self._flights.open()
+            yield
+
+
+def _mavlink_station() -> MavlinkStation:
+    from gcs.mavlink.station import MavlinkStation
+
+    return MavlinkStation()
+
+
+def _planning_jobs() -> PlanningJobs:
+    from gcs.jobs.planning_jobs import PlanningJobs
+
+    return PlanningJobs()
+
+
+FlightsFactory: TypeAlias = "Callable[[StationServices], FlightService]"
+MavlinkFactory: TypeAlias = "Callable[[], MavlinkStation]"
+JobsFactory: TypeAlias = "Callable[[], PlanningJobs]"

@@ -1,0 +1,255 @@
+"""The content of `plan.json`: its schema, and the way from a plan to it and back."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from pydantic import BaseModel, ConfigDict, Field
+
+from gcs.core.plan import Certificates, Plan, SurfaceCoverage, Viewpoint
+from gcs.core.scenario import Cable, Camera, Scenario
+from gcs.core.trajectory import AngleProfile, PiecewisePolynomial
+
+Point = tuple[float, float, float]
+Coefficients = Annotated[list[Point], Field(min_length=8, max_length=8)]
+
+
+class Document(BaseModel):
+    """Base: nothing unknown, and numbers are finite."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+
+class ViewpointEntry(Document):
+    """A place from which one picture is taken, at standstill."""
+
+    id: int
+    name: str
+    position_m: Point
+    direction: Point
+    up: Point
+    gsd_m: float
+    time_s: float
+    yaw_rad: float
+    gimbal_pitch_rad: float
+
+
+class TourEntry(Document):
+    """The visiting order, as viewpoint ids, and how good it is."""
+
+    order: list[int]
+    cost: float
+    lower_bound: float
+    metric: str
+
+
+class PathEntry(Document):
+    """The polyline of straight legs, and which of its points are home, the viewpoints and home again."""
+
+    points_m: list[Point]
+    stops: list[int]
+
+
+class BoxEntry(Document):
+    """The box of one trajectory segment."""
+
+    low_m: Point
+    high_m: Point
+
+
+class TrajectoryEntry(Document):
+    """Degree-7 pieces: on segment s, p = sum_k coefficients_m[s][k] u^k with u = (t - t_s) / durations_s[s]."""
+
+    degree: Literal[7] = 7
+    durations_s: list[float]
+    coefficients_m: list[Coefficients]
+
+
+class AngleEntry(Document):
+    """An angle over time: at rest at every knot, a smooth step 3 s^2 - 2 s^3 between knots."""
+
+    times_s: list[float]
+    angles_rad: list[float]
+
+
+class CoverageEntry(Document):
+    """How the sampled sides of the surface are seen."""
+
+    points_m: list[Point]
+    normals: list[Point]
+    seen: list[bool]
+    coverable: list[bool]
+
+
+class EventEntry(Document):
+    """Something that happens at a time of the trajectory."""
+
+    time_s: float
+    kind: Literal["take_off", "photo", "landed"]
+    viewpoint: int | None = None
+
+
+class CertificatesEntry(Document):
+    """Figures computed from the finished plan, SI units."""
+
+    length_m: float
+    path_length_m: float
+    duration_s: float
+    mean_deviation_m: float
+    max_deviation_m: float
+    min_clearance_m: float
+    max_speed_m_s: float
+    max_acceleration_m_s2: float
+    max_jerk_m_s3: float
+    corridor_violation_m: float
+    worst_viewpoint_miss_m: float
+    viewpoints: int
+    coverage: float | None
+    coverable: float | None
+    tour_cost: float
+    tour_lower_bound: float
+    tour_metric: str
+    energy_wh: float
+    open_sky: float
+
+
+class PlanDocument(Document):
+    """The whole plan. Positions are scene ENU in metres about the scenario's anchor, times seconds, yaw from east."""
+
+    format: Literal["gcs-plan"] = "gcs-plan"
+    version: Literal[1] = 1
+    scenario: Scenario
+    camera: Camera
+    cables: list[Cable]
+    viewpoints: list[ViewpointEntry]
+    tour: TourEntry
+    path: PathEntry
+    corridor: list[BoxEntry]
+    trajectory: TrajectoryEntry
+    yaw: AngleEntry
+    gimbal_pitch: AngleEntry
+    events: list[EventEntry]
+    coverage: CoverageEntry | None
+    certificates: CertificatesEntry
+    stages_s: dict[str, float]
+
+
+def document_of(plan: Plan) -> PlanDocument:
+    """The document of a plan."""
+    certificates = plan.certificates
+    coverage = plan.coverage
+    return PlanDocument(
+        scenario=plan.scenario,
+        camera=plan.scenario.camera,
+        cables=list(plan.cables),
+        viewpoints=[
+            ViewpointEntry(
+                id=v.id,
+                name=v.name,
+                position_m=_point(v.position_m),
+                direction=_point(v.direction),
+                up=_point(v.up),
+                gsd_m=float(v.gsd_m),
+                time_s=float(v.time_s),
+                yaw_rad=float(v.yaw_rad),
+                gimbal_pitch_rad=float(v.gimbal_pitch_rad),
+            )
+            for v in plan.viewpoints
+        ],
+        tour=TourEntry(
+            order=[v.id for v in plan.viewpoints],
+            cost=certificates.tour_cost,
+            lower_bound=certificates.tour_lower_bound,
+            metric=certificates.tour_metric,
+        ),
+        path=PathEntry(points_m=_points(plan.path_m), stops=[int(k) for k in plan.path_stops]),
+        corridor=[BoxEntry(low_m=_point(box[0]), high_m=_point(box[1])) for box in plan.corridor_m],
+        trajectory=TrajectoryEntry(
+            durations_s=_numbers(plan.trajectory.durations_s),
+            coefficients_m=[_points(segment) for segment in plan.trajectory.coefficients],
+        ),
+        yaw=AngleEntry(times_s=_numbers(plan.yaw.times_s), angles_rad=_numbers(plan.yaw.angles_rad)),
+        gimbal_pitch=AngleEntry(
+            times_s=_numbers(plan.gimbal_pitch.times_s), angles_rad=_numbers(plan.gimbal_pitch.angles_rad)
+        ),
+        events=[
+            EventEntry(time_s=0.0, kind="take_off"),
+            *(EventEntry(time_s=float(v.time_s), kind="photo", viewpoint=v.id) for v in plan.viewpoints),
+            EventEntry(time_s=plan.trajectory.duration_s, kind="landed"),
+        ],
+        coverage=None
+        if coverage is None
+        else CoverageEntry(
+            # A tenth of a millimetre is plenty for samples, and keeps the file small.
+            points_m=_points(np.round(coverage.points_m, 4)),
+            normals=_points(np.round(coverage.normals, 6)),
+            seen=coverage.seen.tolist(),
+            coverable=coverage.coverable.tolist(),
+        ),
+        certificates=CertificatesEntry.model_validate(vars(certificates)),
+        stages_s=plan.stages_s,
+    )
+
+
+def plan_of(document: PlanDocument) -> Plan:
+    """The plan that a document holds."""
+    coverage = document.coverage
+    return Plan(
+        scenario=document.scenario,
+        cables=tuple(document.cables),
+        viewpoints=tuple(
+            Viewpoint(
+                id=v.id,
+                name=v.name,
+                position_m=np.array(v.position_m),
+                direction=np.array(v.direction),
+                up=np.array(v.up),
+                gsd_m=v.gsd_m,
+                time_s=v.time_s,
+                yaw_rad=v.yaw_rad,
+                gimbal_pitch_rad=v.gimbal_pitch_rad,
+            )
+            for v in document.viewpoints
+        ),
+        path_m=_array(document.path.points_m, (-1, 3)),
+        path_stops=np.array(document.path.stops, dtype=np.int64),
+        corridor_m=_array([[b.low_m, b.high_m] for b in document.corridor], (-1, 2, 3)),
+        trajectory=PiecewisePolynomial(
+            _array(document.trajectory.coefficients_m, (-1, 8, 3)), _array(document.trajectory.durations_s, (-1,))
+        ),
+        yaw=_angle(document.yaw),
+        gimbal_pitch=_angle(document.gimbal_pitch),
+        coverage=None
+        if coverage is None
+        else SurfaceCoverage(
+            points_m=_array(coverage.points_m, (-1, 3)),
+            normals=_array(coverage.normals, (-1, 3)),
+            seen=np.array(coverage.seen, dtype=np.bool_),
+            coverable=np.array(coverage.coverable, dtype=np.bool_),
+        ),
+        certificates=Certificates(**document.certificates.model_dump()),
+        stages_s=document.stages_s,
+    )
+
+
+def _point(values: NDArray[np.float64]) -> Point:
+    x, y, z = (float(v) for v in values)
+    return x, y, z
+
+
+def _points(values: NDArray[np.float64]) -> list[Point]:
+    return [(x, y, z) for x, y, z in values.tolist()]
+
+
+def _numbers(values: NDArray[np.float64]) -> list[float]:
+    return [float(v) for v in values]
+
+
+def _array(values: ArrayLike, shape: tuple[int, ...]) -> NDArray[np.float64]:
+    return np.array(values, dtype=np.float64).reshape(shape)
+
+
+def _angle(entry: AngleEntry) -> AngleProfile:
+    return AngleProfile(_array(entry.times_s, (-1,)), _array(entry.angles_rad, (-1,)))

@@ -1,0 +1,220 @@
+"""The folder of a plan: written whole or not at all, and read back."""
+
+from __future__ import annotations
+
+import csv
+import hashlib
+import io
+import json
+import math
+from dataclasses import asdict
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from pydantic import ValidationError
+
+from gcs.core.errors import InputError
+from gcs.core.structure import Structure
+from gcs.storage.atomic_files import check_replaceable, new_directory
+from gcs.storage.plan_document import PlanDocument, document_of, plan_of
+from gcs.storage.ply_files import ply_bytes, read_ply
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Mapping
+    from pathlib import Path
+
+    from numpy.typing import NDArray
+
+    from gcs.core.plan import Plan
+
+FILE_NAMES = (
+    "plan.json",
+    "viewpoints.csv",
+    "path.csv",
+    "structure.ply",
+    "trajectory.csv",
+    "mission.plan",
+    "mission.waypoints",
+    "report.json",
+    "report.html",
+)
+SAMPLE_S = 0.02
+"""Step of trajectory.csv: 50 Hz."""
+SMALLEST_STEP_S = 1e-4
+
+VIEWPOINT_COLUMNS = [
+    *("id", "name", "x_m", "y_m", "z_m"),
+    *("dir_x", "dir_y", "dir_z", "up_x", "up_y", "up_z"),
+    *("gsd_mm", "time_s"),
+]
+TRAJECTORY_COLUMNS = [
+    *("t_s", "x_m", "y_m", "z_m"),
+    *("vx_m_s", "vy_m_s", "vz_m_s"),
+    *("ax_m_s2", "ay_m_s2", "az_m_s2"),
+    "yaw_rad",
+]
+
+
+def plan_report(plan: Plan, *, mission_items: int | None = None) -> dict[str, Any]:
+    """Content of `report.json`.
+
+    Args:
+        plan: a finished plan.
+        mission_items: how many items its mission has; None when no mission files are written.
+    """
+    return {**asdict(plan.certificates), "mission_items": mission_items, "stages_s": plan.stages_s}
+
+
+def check_output(directory: Path) -> None:
+    """Tell before planning whether a plan may be written to a folder.
+
+    Raises:
+        InputError: something else is there.
+    """
+    check_replaceable(directory.absolute(), is_plan_directory)
+
+
+def is_plan_directory(directory: Path) -> bool:
+    """Whether a folder holds a plan and nothing else."""
+    names = {entry.name for entry in directory.iterdir()}
+    return "plan.json" in names and names <= set(FILE_NAMES)
+
+
+def write_plan(
+    plan: Plan,
+    structure: Structure,
+    directory: Path,
+    *,
+    report: dict[str, Any] | None = None,
+    extra_files: Mapping[str, bytes] | None = None,
+) -> str:
+    """Write all files of a plan; the folder appears whole, or stays as it was.
+
+    Args:
+        plan: a finished plan.
+        structure: the placed structure.
+        directory: the folder; one that holds an earlier plan is replaced.
+        report: content of `report.json`; `plan_report(plan)` when left out.
+        extra_files: content of `mission.plan`, `mission.waypoints` and `report.html`.
+
+    Returns:
+        The plan's hash: SHA-256 of the bytes of `plan.json`.
+
+    Raises:
+        InputError: the folder holds something else.
+        StorageError: the disk did not take it.
+    """
+    extra = dict(extra_files or {})
+    unknown = extra.keys() - set(FILE_NAMES)
+    if unknown:
+        raise ValueError(f"not files of a plan: {', '.join(sorted(unknown))}")
+    document = document_of(plan).model_dump_json(indent=None, exclude_none=False).encode() + b"\n"
+    contents: dict[str, bytes] = {
+        "viewpoints.csv": _viewpoints_csv(plan),
+        "path.csv": _csv(["x_m", "y_m", "z_m"], ([_number(c) for c in p] for p in plan.path_m)),
+        "structure.ply": ply_bytes(structure.vertices_m, structure.faces),
+        "trajectory.csv": _trajectory_csv(plan),
+        "report.json": json.dumps(report or plan_report(plan), indent=2, allow_nan=False).encode() + b"\n",
+        **extra,
+        "plan.json": document,
+    }
+    with new_directory(directory, is_plan_directory) as folder:
+        for name, content in contents.items():
+            (folder / name).write_bytes(content)
+    return hashlib.sha256(document).hexdigest()
+
+
+def read_plan(directory: Path) -> Plan:
+    """Read a plan back.
+
+    Raises:
+        InputError: there is no plan, or it was damaged or made by another version.
+    """
+    path = directory / "plan.json"
+    try:
+        return plan_of(PlanDocument.model_validate_json(_read(path)))
+    except ValidationError as error:
+        first = error.errors()[0]
+        where = ".".join(str(part) for part in first["loc"])
+        raise InputError(f"this is not a plan of this version: {where}: {first['msg']}", field=str(path)) from None
+
+
+def read_structure(directory: Path) -> Structure:
+    """Read the placed structure of a plan, with its cables.
+
+    Raises:
+        InputError: a file is missing or damaged.
+    """
+    vertices, faces = read_ply(directory / "structure.ply")
+    return Structure(vertices_m=vertices, faces=faces, cables=read_plan(directory).cables)
+
+
+def plan_hash(directory: Path) -> str:
+    """SHA-256 of the bytes of `plan.json`.
+
+    Raises:
+        InputError: there is no plan.
+    """
+    return hashlib.sha256(_read(directory / "plan.json")).hexdigest()
+
+
+def plan_schema() -> str:
+    """The published JSON Schema of `plan.json`, as it is kept in `plan.schema.json`."""
+    schema = PlanDocument.model_json_schema(mode="serialization")
+    schema = {"$schema": "https://json-schema.org/draft/2020-12/schema", **schema}
+    return json.dumps(schema, indent=1) + "\n"
+
+
+def sample_times(duration_s: float) -> NDArray[np.float64]:
+    """Times of trajectory.csv: every 0.02 s and the exact end, strictly increasing, no step over 0.02 s."""
+    count = max(1, math.ceil(duration_s / SAMPLE_S - 1e-9))
+    times = np.append(np.arange(count) * SAMPLE_S, duration_s)
+    if len(times) > 2 and times[-1] - times[-2] < SMALLEST_STEP_S:
+        times[-2] = (times[-3] + times[-1]) / 2
+    return times
+
+
+def _read(path: Path) -> bytes:
+    try:
+        return path.read_bytes()
+    except FileNotFoundError:
+        raise InputError("there is no such plan: give a folder that `gcs plan` wrote", field=str(path)) from None
+    except OSError as error:
+        raise InputError(f"cannot be read: {error.strerror}", field=str(path)) from None
+
+
+def _viewpoints_csv(plan: Plan) -> bytes:
+    return _csv(
+        VIEWPOINT_COLUMNS,
+        (
+            [
+                str(v.id),
+                v.name,
+                *(_number(c) for c in (*v.position_m, *v.direction, *v.up)),
+                _number(v.gsd_m * 1000),
+                _number(v.time_s),
+            ]
+            for v in plan.viewpoints
+        ),
+    )
+
+
+def _trajectory_csv(plan: Plan) -> bytes:
+    times = sample_times(plan.trajectory.duration_s)
+    columns = np.column_stack([*(plan.trajectory.value(times, order) for order in range(3)), plan.yaw.value(times)])
+    lines = [",".join(TRAJECTORY_COLUMNS)]
+    for t, row in zip(times.tolist(), columns.tolist(), strict=True):
+        lines.append(f"{t:.9f}," + ",".join(f"{value:.8f}" for value in row))
+    return ("\n".join(lines) + "\n").encode()
+
+
+def _csv(columns: list[str], rows: Iterable[list[str]]) -> bytes:
+    out = io.StringIO()
+    writer = csv.writer(out, lineterminator="\n")
+    writer.writerow(columns)
+    writer.writerows(rows)
+    return out.getvalue().encode()
+
+
+def _number(value: float) -> str:
+    return f"{value:.9f}"

@@ -1,0 +1,533 @@
+"""A vehicle that behaves like ArduPilot's copter: modes, arming, missions, guided flight, failsafes."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from enum import IntEnum
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from gcs.core.frames import heading_from_yaw, wrap_angle, yaw_from_heading
+from sitl_mocks.airframe import FlightLimits, FlightSetpoint
+from sitl_mocks.ardupilot_mission_run import ArduPilotMissionRun
+from sitl_mocks.ardupilot_mission_server import ArduPilotMissionServer
+from sitl_mocks.ardupilot_parameters import ARDUPILOT_PARAMETERS
+from sitl_mocks.channel import Channel, Stream
+from sitl_mocks.commands import ACCEPTED, DENIED, FAILED, UNSUPPORTED, Command
+from sitl_mocks.dialect import Message, mavlink
+from sitl_mocks.flight_tasks import DescentProfile, GoTo, Hold, Land, ReturnHome
+from sitl_mocks.mission_items import StoredItem
+from sitl_mocks.mission_server import MissionServer
+from sitl_mocks.parameters import ParameterServer
+from sitl_mocks.scene_frame import Array, e7
+from sitl_mocks.setpoints import Setpoint
+from sitl_mocks.vehicle import ACTIVE, CRITICAL, LOGIC_S, STANDBY, SimulatedVehicle
+
+if TYPE_CHECKING:
+    from sitl_mocks.picture import Exposure
+
+
+class Mode(IntEnum):
+    """ArduCopter's custom_mode."""
+
+    STABILIZE = 0
+    ALT_HOLD = 2
+    AUTO = 3
+    GUIDED = 4
+    LOITER = 5
+    RTL = 6
+    LAND = 9
+    POSHOLD = 16
+    BRAKE = 17
+
+
+_WITHOUT_ARMING = {Mode.AUTO, Mode.RTL, Mode.LAND, Mode.BRAKE}
+_NEEDS_POSITION = {Mode.AUTO, Mode.GUIDED, Mode.LOITER, Mode.RTL, Mode.POSHOLD, Mode.BRAKE}
+_STORAGE_AFTER_S = 0.5
+"""Wall time until the mission storage has been opened (about 2 s on the real one)."""
+_AUTO_OPTION_ON_STATION_LOSS = 2
+_HOME_BELOW_ORIGIN_M = 0.02
+"""The estimator's origin and home differ by so much in height, as on the real one."""
+
+_DATA_STREAMS = {
+    2: ("SYS_STATUS", "GPS_RAW_INT", "MISSION_CURRENT"),
+    6: ("GLOBAL_POSITION_INT", "LOCAL_POSITION_NED"),
+    10: ("ATTITUDE",),
+    11: ("VFR_HUD",),
+    12: ("SYSTEM_TIME", "BATTERY_STATUS", "GIMBAL_DEVICE_ATTITUDE_STATUS", "MOUNT_STATUS"),
+}
+
+
+class ArduPilotVehicle(SimulatedVehicle):
+    """ArduCopter-like."""
+
+    kind = "ardupilot"
+    autopilot = mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA
+    capabilities = 0xFBEF
+    software_version = 0x04070000
+    gps_fix = 6
+    ready_after_s = 2.0
+
+    missions: ArduPilotMissionServer
+
+    def _make_parameters(self) -> ParameterServer:
+        table = dict(ARDUPILOT_PARAMETERS)
+        table["SYSID_THISMAV"] = (self.options.system_id, table["SYSID_THISMAV"][1])
+        return ParameterServer(table, bytewise=False)
+
+    def _prepare(self) -> None:
+        self.mode = Mode.STABILIZE
+        self._failsafe: str | None = None
+        self._position_told = False
+        self._guided: Setpoint | None = None
+        self._guided_s = -math.inf
+        self._guided_idle = True
+        self._mission_started = False
+        self._battery_stage = 0
+        self._fence_breached = False
+        self._timesync_s = 0.0
+        self.run = ArduPilotMissionRun(self)
+
+    def _make_mission_server(self) -> MissionServer:
+        return ArduPilotMissionServer(
+            self.say, self.run.mission_changed, self._home_item, lambda: self.up_s >= _STORAGE_AFTER_S
+        )
+
+    def _home_item(self) -> StoredItem:
+        if not self.has_position:
+            return StoredItem(0, 16, (0.0, 0.0, 0.0, 0.0), 0, 0, 0.0)
+        home = self.home
+        altitude = int(home.altitude_m * 100.0) / 100.0
+        return StoredItem(0, 16, (0.0, 0.0, 0.0, 0.0), e7(home.latitude_deg), e7(home.longitude_deg), altitude)
+
+    # Telemetry -------------------------------------------------------------------------------------------------------
+
+    def default_streams(self) -> dict[int, float]:
+        """Nothing but the heartbeat comes unasked (STATUSTEXT and TIMESYNC are no streams)."""
+        return {mavlink.MAVLINK_MSG_ID_HEARTBEAT: 1.0}
+
+    def heartbeat(self) -> Message:
+        """HEARTBEAT with ArduPilot's flags."""
+        flags = mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED | mavlink.MAV_MODE_FLAG_MANUAL_INPUT_ENABLED
+        flags |= mavlink.MAV_MODE_FLAG_STABILIZE_ENABLED
+        if self.mode in {Mode.AUTO, Mode.GUIDED, Mode.RTL, Mode.LOITER, Mode.LAND}:
+            flags |= mavlink.MAV_MODE_FLAG_GUIDED_ENABLED
+        if self.armed:
+            flags |= mavlink.MAV_MODE_FLAG_SAFETY_ARMED
+        status = STANDBY
+        if self._failsafe is not None:
+            status = CRITICAL
+        elif self.in_air:
+            status = ACTIVE
+        elif self.up_s < _STORAGE_AFTER_S:
+            status = 1
+        return mavlink.MAVLink_heartbeat_message(
+            mavlink.MAV_TYPE_QUADROTOR, self.autopilot, flags, int(self.mode), status, 3
+        )
+
+    def mode_name(self) -> str:
+        """See base class."""
+        return self.mode.name
+
+    def mission_current(self) -> tuple[int, int, int, int]:
+        """See base class; home is not counted in the total."""
+        if self.run.total == 0:
+            return 0, 0, 1, 0
+        mode = 1 if self.mode is Mode.AUTO else (2 if self.run.state == 4 else 0)
+        return self.run.current, self.run.total, self.run.state, mode
+
+    def flight_item(self) -> int:
+        """See base class."""
+        return self.run.current if self.mode is Mode.AUTO else -1
+
+    def follows_plan(self) -> bool:
+        """See base class."""
+        return self.mode is Mode.AUTO or (self.mode is Mode.GUIDED and self._guided is not None)
+
+    def say_info(self, text: str) -> None:
+        """A STATUSTEXT for information."""
+        self.say(mavlink.MAV_SEVERITY_INFO, text)
+
+    def say_critical(self, text: str) -> None:
+        """A STATUSTEXT that matters."""
+        self.say(mavlink.MAV_SEVERITY_CRITICAL, text)
+
+    def tell_item_reached(self, sequence: int) -> None:
+        """MISSION_ITEM_REACHED."""
+        self.broadcast(mavlink.MAVLink_mission_item_reached_message(sequence))
+
+    def _request_data_stream(self, message: Message, channel: Channel) -> None:
+        groups = _DATA_STREAMS.values() if message.req_stream_id == 0 else [_DATA_STREAMS.get(message.req_stream_id, ())]
+        for name in (name for group in groups for name in group):
+            message_id = getattr(mavlink, f"MAVLINK_MSG_ID_{name}")
+            if message.start_stop and message.req_message_rate > 0:
+                channel.streams[message_id] = Stream(1.0 / message.req_message_rate, self.time_s)
+            else:
+                channel.streams.pop(message_id, None)
+
+    def _picture_taken(self, exposure: Exposure) -> None:
+        self.broadcast(
+            mavlink.MAVLink_camera_feedback_message(
+                round(exposure.unix_s * 1e6),
+                0,
+                0,
+                exposure.index + 1,
+                e7(exposure.place.latitude_deg),
+                e7(exposure.place.longitude_deg),
+                exposure.place.altitude_m,
+                exposure.place.altitude_m - exposure.home_altitude_m,
+                math.degrees(exposure.roll_rad),
+                math.degrees(exposure.pitch_rad),
+                math.degrees(heading_from_yaw(exposure.yaw_rad)),
+                0.0,
+                0,
+                len(self.camera.shots),
+            )
+        )
+
+    # Limits ----------------------------------------------------------------------------------------------------------
+
+    def base_limits(self) -> FlightLimits:
+        """GUIDED setpoints are not held to the vertical limits; a plan has to see to that itself."""
+        p = self.parameters
+        return FlightLimits(
+            horizontal_m_s=self.override_speed(1, p["WPNAV_SPEED"] * 0.01),
+            climb_m_s=self.override_speed(2, p["WPNAV_SPEED_UP"] * 0.01),
+            descent_m_s=self.override_speed(3, p["WPNAV_SPEED_DN"] * 0.01),
+            acceleration_m_s2=p["WPNAV_ACCEL"] * 0.01,
+            vertical_acceleration_m_s2=p["WPNAV_ACCEL_Z"] * 0.01,
+            jerk_m_s3=p["WPNAV_JERK"],
+            extrapolates_setpoints=True,
+        )
+
+    def descent(self) -> DescentProfile:
+        """How it comes down."""
+        return DescentProfile(self.parameters["LAND_ALT_LOW"] * 0.01, self.parameters["LAND_SPEED"] * 0.01)
+
+    # Commands --------------------------------------------------------------------------------------------------------
+
+    def _command_table(self) -> dict[int, Callable[[Command, Channel], int]]:
+        m = mavlink
+        return {
+            **super()._command_table(),
+            m.MAV_CMD_NAV_TAKEOFF: lambda c, _: self._command_take_off(c),
+            m.MAV_CMD_NAV_LAND: lambda _c, _: self._command_mode(Mode.LAND),
+            m.MAV_CMD_NAV_RETURN_TO_LAUNCH: lambda _c, _: self._command_mode(Mode.RTL),
+            m.MAV_CMD_NAV_LOITER_UNLIM: lambda _c, _: self._command_mode(Mode.LOITER),
+            m.MAV_CMD_MISSION_START: lambda _c, _: self._mission_start(),
+            m.MAV_CMD_DO_PAUSE_CONTINUE: lambda c, _: self._pause_continue(c),
+            m.MAV_CMD_DO_REPOSITION: lambda c, _: self._reposition(c),
+            m.MAV_CMD_CONDITION_YAW: lambda c, _: self._condition_yaw(c),
+            m.MAV_CMD_DO_DIGICAM_CONTROL: lambda c, _: self._digicam(c),
+            m.MAV_CMD_IMAGE_START_CAPTURE: lambda c, _: self.run_camera_command(c, None),
+            m.MAV_CMD_IMAGE_STOP_CAPTURE: lambda c, _: self.run_camera_command(c, None),
+        }
+
+    def _set_mode(self, base_mode: int, custom_mode: int, sub_mode: int, channel: Channel) -> int:
+        del sub_mode, channel
+        if not base_mode & mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED or custom_mode not in set(Mode):
+            return UNSUPPORTED
+        return self._command_mode(Mode(custom_mode))
+
+    def _command_mode(self, mode: Mode) -> int:
+        if mode in _NEEDS_POSITION and not self.has_position and mode is not Mode.GUIDED:
+            self.say_critical(f"Mode change to {mode.name} failed: requires position")
+            return FAILED
+        if mode is Mode.AUTO and self.run.total == 0:
+            self.say_critical("Mode change to AUTO failed: init failed")
+            return FAILED
+        self._failsafe = None
+        self._enter(mode)
+        return ACCEPTED
+
+    def set_mode_by_name(self, name: str) -> bool:
+        """See base class."""
+        known = {mode.name: mode for mode in Mode}
+        return name.upper() in known and self._command_mode(known[name.upper()]) == ACCEPTED
+
+    def _command_take_off(self, command: Command) -> int:
+        if self.mode is not Mode.GUIDED or not self.armed or not self._landed:
+            return FAILED
+        height = command.params[6]
+        if not math.isfinite(height) or height <= 0.0:
+            return FAILED
+        self._guided = None
+        self._guided_idle = False
+        self.take_off_to(float(self.home_m[2]) + height)
+        return ACCEPTED
+
+    def _mission_start(self) -> int:
+        if self.mode not in {Mode.AUTO, Mode.GUIDED} or not self.armed or self.run.total == 0:
+            return DENIED
+        if self.mode is not Mode.AUTO:
+            self._enter(Mode.AUTO)
+        if not self._mission_started:
+            self._mission_started = True
+            self.run.start_or_resume()
+        return ACCEPTED
+
+    def _pause_continue(self, command: Command) -> int:
+        if self.mode is not Mode.AUTO or not self.armed:
+            return DENIED
+        if command.params[0] == 0.0:
+            self.run.pause()
+            self.hold()
+        else:
+            self.run.go_on()
+        self.broadcast(self.telemetry.build(mavlink.MAVLINK_MSG_ID_MISSION_CURRENT))
+        return ACCEPTED
+
+    def _reposition(self, command: Command) -> int:
+        if not self.in_air or not command.place_is_given or (self.mode is not Mode.GUIDED and command.params[1] != 1):
+            return DENIED
+        self._command_mode(Mode.GUIDED)
+        latitude, longitude, altitude = command.params[4:7]
+        if command.frame in {3, 6}:
+            altitude += self.home.altitude_m
+        self._guided_idle = False
+        self.begin(GoTo(self.airframe, self.frame.scene(latitude, longitude, altitude)))
+        return ACCEPTED
+
+    def _condition_yaw(self, command: Command) -> int:
+        if self.mode is not Mode.GUIDED or not self.in_air:
+            return FAILED
+        angle = math.radians(command.params[0])
+        yaw = yaw_from_heading(angle)
+        if command.params[3] == 1.0:
+            yaw = wrap_angle(self.airframe.yaw_rad - math.copysign(1.0, command.params[2] or 1.0) * angle)
+        self.airframe.turn_to(yaw)
+        return ACCEPTED
+
+    def _digicam(self, command: Command) -> int:
+        if command.params[4] == 1.0:
+            self.camera.take()
+        return ACCEPTED
+
+    def run_camera_command(self, command: Command, channel: Channel | None) -> int:
+        """See base class; this camera does not tell of its files."""
+        self.camera.announces_captures = False
+        return super().run_camera_command(command, channel)
+
+    def run_mission_command(self, command: Command) -> None:
+        """What a do command of the mission does."""
+        m = mavlink
+        if command.number == m.MAV_CMD_DO_CHANGE_SPEED:
+            self.change_speed(command)
+        elif command.number in {m.MAV_CMD_DO_GIMBAL_MANAGER_PITCHYAW, m.MAV_CMD_DO_MOUNT_CONTROL}:
+            self.point_gimbal(command)
+        elif command.number == m.MAV_CMD_DO_DIGICAM_CONTROL:
+            self._digicam(command)
+        elif command.number in {m.MAV_CMD_IMAGE_START_CAPTURE, m.MAV_CMD_IMAGE_STOP_CAPTURE}:
+            self.run_camera_command(command, None)
+
+    def _set_current_item(self, sequence: int) -> bool:
+        return self.run.set_current(sequence)
+
+    def _unknown_stream_result(self) -> int:
+        return FAILED
+
+    # Arming ----------------------------------------------------------------------------------------------------------
+
+    def _arming_refusal(self) -> str | None:
+        if self.up_s < self.ready_after_s:
+            return "PreArm: Need Position Estimate"
+        if self.mode in _WITHOUT_ARMING:
+            return f"Arm: {self.mode.name} mode not armable"
+        return None
+
+    def _arming_refused_result(self) -> int:
+        return FAILED
+
+    def arm(self) -> None:
+        """See base class."""
+        super().arm()
+        self.home_m = self.home_m - np.array([0.0, 0.0, _HOME_BELOW_ORIGIN_M])
+        self.home = self.frame.geo(self.home_m)
+        self._battery_stage = 0
+        self._fence_breached = False
+        self._guided = None
+        self._guided_idle = True
+        self._mission_started = False
+        self.say_info("Arming motors")
+        self.broadcast(self.telemetry.build(mavlink.MAVLINK_MSG_ID_HOME_POSITION))
+
+    def disarm(self, text: str) -> None:
+        """See base class."""
+        super().disarm("Disarming motors" if text.startswith("Disarmed by landing") else text)
+
+    def _after_disarm(self) -> None:
+        self._failsafe = None
+        self._guided = None
+        self.run.reset()
+
+    # Modes -----------------------------------------------------------------------------------------------------------
+
+    @property
+    def landed(self) -> bool:
+        """Whether it stands on the ground."""
+        return self._landed
+
+    def _enter(self, mode: Mode) -> None:
+        if self.mode is Mode.AUTO and mode is not Mode.AUTO:
+            self.run.leave()
+        self.mode = mode
+        self._guided = None
+        self._guided_idle = True
+        self._refresh_limits()
+        self.broadcast(self.heartbeat())  # ArduPilot tells at once
+        if mode is Mode.AUTO:
+            # On the ground nothing happens before MISSION_START; in the air the mission goes on.
+            self._mission_started = self.in_air
+            if self.in_air:
+                self.run.start_or_resume()
+            elif self.run.total and self.run.state != 3:
+                self.run.start_or_resume()
+            return
+        if not self.armed:
+            return
+        if mode is Mode.LAND:
+            self._land()
+        elif mode is Mode.RTL:
+            self.begin_return()
+        else:
+            self.hold()
+
+    def _land(self) -> None:
+        if self._landed:
+            self.disarm("Disarmed by landing")
+        else:
+            self.begin(Land(self.airframe, self.base_limits(), self.descent()))
+
+    def begin_return(self) -> None:
+        """Climb, fly home, land; also what a return item of a mission does."""
+        if self._landed:
+            self.disarm("Disarmed by landing")
+            return
+        self.begin(
+            ReturnHome(
+                self.airframe,
+                self.base_limits(),
+                self.descent(),
+                self.home_m,
+                self.parameters["RTL_ALT"] * 0.01,
+                self.parameters["RTL_LOIT_TIME"] * 1e-3,
+            )
+        )
+
+    def fly_to(self, target_m: Array, yaw_rad: float | None) -> None:
+        """Fly straight to a place of the mission."""
+        self.begin(GoTo(self.airframe, target_m, yaw_rad))
+
+    def mission_flown(self) -> None:
+        """The mission's last command is done."""
+        if self._landed:
+            self.disarm("Disarmed by landing")
+        else:
+            self.begin(Hold(self.airframe))
+
+    def _tick(self) -> None:
+        if self.has_position and not self._position_told:
+            self._position_told = True
+            self.broadcast(self.telemetry.build(mavlink.MAVLINK_MSG_ID_GPS_GLOBAL_ORIGIN))
+            self.broadcast(self.telemetry.build(mavlink.MAVLINK_MSG_ID_HOME_POSITION))
+        if self.time_s - self._timesync_s >= 10.0:
+            self._timesync_s = self.time_s
+            self.broadcast(mavlink.MAVLink_timesync_message(0, round(self.time_s * 1e9)))
+        if not self.armed:
+            return
+        self._watch_battery()
+        self._watch_fence()
+        if self.mode is Mode.AUTO and self._mission_started and self.run.state == 3:
+            self.run.tick(LOGIC_S)
+        elif self.mode is Mode.GUIDED and self._guided is not None:
+            self._watch_guided()
+        elif self.run_task(LOGIC_S) and self._landed:
+            self.disarm("Disarmed by landing")
+
+    # Guided ----------------------------------------------------------------------------------------------------------
+
+    def _take_setpoint(self, setpoint: Setpoint) -> None:
+        if self.mode is not Mode.GUIDED:
+            return
+        self.counters.setpoints_in_offboard += 1
+        if not self.in_air:
+            return  # GUIDED leaves the ground by NAV_TAKEOFF alone
+        zero = np.zeros(3)
+        self.task = None
+        self._taking_off = False
+        self._guided, self._guided_s, self._guided_idle = setpoint, self.time_s, False
+        if setpoint.velocity_m_s is None and setpoint.acceleration_m_s2 is None and setpoint.position_m is not None:
+            yaw = setpoint.yaw_rad if math.isfinite(setpoint.yaw_rad) else None
+            self.airframe.go_to(setpoint.position_m, yaw)
+            return
+        position = self.airframe.position_m if setpoint.position_m is None else setpoint.position_m
+        self.airframe.follow(
+            FlightSetpoint(
+                position,
+                zero if setpoint.velocity_m_s is None else setpoint.velocity_m_s,
+                zero if setpoint.acceleration_m_s2 is None else setpoint.acceleration_m_s2,
+                setpoint.yaw_rad,
+                setpoint.yaw_rate_rad_s,
+            )
+        )
+
+    def _watch_guided(self) -> None:
+        """Setpoints with a velocity are flown on for GUID_TIMEOUT, then it brakes."""
+        if self._guided is None or self._guided.velocity_m_s is None:
+            return
+        if self.time_s - self._guided_s >= self.parameters["GUID_TIMEOUT"]:
+            self._guided = None
+            self.hold()
+
+    # Failsafes -------------------------------------------------------------------------------------------------------
+
+    def _counts_as_station(self, message: Message) -> bool:
+        return bool(message.get_srcSystem() == int(self.parameters["SYSID_MYGCS"]))
+
+    def _station_loss_timeout_s(self) -> float:
+        return self.parameters["FS_GCS_TIMEOUT"]
+
+    def _on_station_lost(self) -> None:
+        action = int(self.parameters["FS_GCS_ENABLE"])
+        if not self.in_air or action == 0 or self.mode in {Mode.LAND, Mode.RTL}:
+            return
+        self.say_critical("GCS Failsafe")
+        goes_on = action == 2 or int(self.parameters["FS_OPTIONS"]) & _AUTO_OPTION_ON_STATION_LOSS
+        if self.mode is Mode.AUTO and goes_on:
+            self.say_info("GCS Failsafe - Continuing Auto Mode")
+            return
+        self._fail_to(Mode.LAND if action == 5 else Mode.RTL, "ground station loss")
+
+    def _watch_battery(self) -> None:
+        p = self.parameters
+        left_mah = self.airframe.battery.remaining * p["BATT_CAPACITY"]
+        stage = sum(left_mah < p[name] for name in ("BATT_LOW_MAH", "BATT_CRT_MAH"))
+        if stage <= self._battery_stage or not self.in_air:
+            return
+        self._battery_stage = stage
+        self.say_critical(f"Battery 1 is {('low', 'critical')[stage - 1]}")
+        action = int(p["BATT_FS_LOW_ACT" if stage == 1 else "BATT_FS_CRT_ACT"])
+        if action:
+            self._fail_to(Mode.LAND if action == 1 else Mode.RTL, "battery")
+
+    def _watch_fence(self) -> None:
+        p = self.parameters
+        if not self.in_air or self._fence_breached or not p["FENCE_ENABLE"]:
+            return
+        way = self.airframe.position_m - self.home_m
+        kinds = int(p["FENCE_TYPE"])
+        high = kinds & 1 and way[2] > p["FENCE_ALT_MAX"]
+        far = kinds & 2 and np.hypot(way[0], way[1]) > p["FENCE_RADIUS"]
+        if high or far:
+            self._fence_breached = True
+            self.say_critical("Fence Breached")
+            action = int(p["FENCE_ACTION"])
+            if action:
+                self._fail_to({2: Mode.LAND, 4: Mode.BRAKE}.get(action, Mode.RTL), "fence")
+
+    def _fail_to(self, mode: Mode, reason: str) -> None:
+        if self.mode is not mode:
+            self._enter(mode)
+        self._failsafe = reason

@@ -1,0 +1,143 @@
+"""The mission protocol as ArduPilot answers it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+from sitl_mocks.dialect import Message, mavlink
+from sitl_mocks.mission_items import ItemRefused, StoredItem, ardupilot_item, item_of_message, message_of_item
+from sitl_mocks.mission_server import (
+    ACCEPTED,
+    CANCELLED,
+    DENIED,
+    ERROR,
+    INVALID_SEQUENCE,
+    NO_SPACE,
+    MissionServer,
+    Peer,
+    Upload,
+)
+
+Send = Callable[[Message], None]
+
+
+class ArduPilotMissionServer(MissionServer):
+    """Asks with MISSION_REQUEST, keeps home as item 0, and writes items into the store as they come.
+
+    Args:
+        home: item 0, as the estimator knows it now.
+        ready: whether the storage has been opened; until then nothing fits into it.
+    """
+
+    CAPACITY = 650
+    ASK_AGAIN_S = 1.0
+    GIVE_UP_S = 8.0
+
+    def __init__(
+        self,
+        say: Callable[[int, str], None],
+        changed: Callable[[], None],
+        home: Callable[[], StoredItem],
+        ready: Callable[[], bool],
+    ) -> None:
+        super().__init__(say, changed)
+        self._home = home
+        self._ready = ready
+
+    def step(self, wall_s: float) -> None:
+        """Ask again, or give up, when the peer is silent."""
+        upload = self.upload
+        if upload is None:
+            return
+        if wall_s - upload.heard_s >= self.GIVE_UP_S:
+            self._acknowledge(CANCELLED, upload.peer, upload.send)
+            self.upload = None
+        elif wall_s - upload.asked_s >= self.ASK_AGAIN_S:
+            self._ask(upload, wall_s)
+
+    def stored(self) -> list[StoredItem]:
+        """The mission with home as item 0."""
+        return [self._home(), *self.items[1:]] if self.items else []
+
+    def _ask(self, upload: Upload, wall_s: float) -> None:
+        upload.asked_s = wall_s
+        upload.send(mavlink.MAVLink_mission_request_message(*upload.peer, upload.next, 0))
+
+    def _mission_count(self, message: Message, peer: Peer, send: Send, wall_s: float) -> None:
+        if self.upload is not None and self.upload.peer != peer:
+            self._acknowledge(DENIED, peer, send)
+            return
+        capacity = self.CAPACITY if self._ready() else 0
+        if message.count > capacity:
+            self._acknowledge(NO_SPACE, peer, send)
+            self._say(mavlink.MAV_SEVERITY_WARNING, f"Only {capacity} items are supported")
+            return
+        # From here on the old mission is no longer whole: the store is shortened now and overwritten item by item.
+        self.items = self.items[: message.count]
+        self._changed()
+        if message.count == 0:
+            self._acknowledge(ACCEPTED, peer, send)
+            return
+        self.upload = Upload(peer, send, message.count, 0, wall_s, wall_s)
+        self._ask(self.upload, wall_s)
+
+    def _mission_item(self, message: Message, peer: Peer, send: Send, wall_s: float) -> None:
+        upload = self.upload
+        if upload is None or upload.peer != peer:
+            self._acknowledge(ERROR, peer, send)
+            return
+        if message.seq != upload.next:
+            self._acknowledge(INVALID_SEQUENCE, peer, send)
+            return
+        upload.heard_s = wall_s
+        try:
+            item = ardupilot_item(item_of_message(message))
+        except ItemRefused as refusal:
+            self._acknowledge(refusal.result, peer, send)
+            self.upload = None
+            return
+        if message.seq < len(self.items):
+            self.items[message.seq] = item
+        else:
+            self.items.append(item)
+        self._changed()
+        upload.next += 1
+        if upload.next < upload.count:
+            self._ask(upload, wall_s)
+            return
+        self.upload = None
+        self._acknowledge(ACCEPTED, peer, send)
+        self._say(mavlink.MAV_SEVERITY_INFO, "Flight plan received")
+
+    _mission_item_int = _mission_item
+
+    def _mission_request_list(self, _message: Message, peer: Peer, send: Send, _wall_s: float) -> None:
+        if self.upload is not None:
+            self._acknowledge(DENIED, peer, send)
+            return
+        send(mavlink.MAVLink_mission_count_message(*peer, len(self.items), 0))
+
+    def _mission_request_int(self, message: Message, peer: Peer, send: Send, _wall_s: float) -> None:
+        self._give(message, peer, send, as_float=False)
+
+    def _mission_request(self, message: Message, peer: Peer, send: Send, _wall_s: float) -> None:
+        self._give(message, peer, send, as_float=True)
+
+    def _give(self, message: Message, peer: Peer, send: Send, *, as_float: bool) -> None:
+        items = self.stored()
+        if message.seq >= len(items):
+            self._acknowledge(INVALID_SEQUENCE, peer, send)
+            return
+        item = replace(items[message.seq], current=0, autocontinue=1)
+        send(message_of_item(item, message.seq, peer, as_float=as_float))
+
+    def _mission_ack(self, message: Message, peer: Peer, send: Send, wall_s: float) -> None:
+        """Cancelling is not supported: the upload goes on."""
+
+    def _mission_clear_all(self, _message: Message, peer: Peer, send: Send, _wall_s: float) -> None:
+        if self.upload is not None:
+            self._acknowledge(DENIED, peer, send)
+            return
+        self._clear()
+        self._acknowledge(ACCEPTED, peer, send)

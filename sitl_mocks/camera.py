@@ -1,0 +1,192 @@
+"""The camera component (id 100): takes pictures, keeps them as files, and tells of them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from concurrent.futures import Future
+from dataclasses import dataclass, field
+
+from sitl_mocks.dialect import Message, mavlink
+from sitl_mocks.picture import (
+    FOCAL_LENGTH_MM,
+    HEIGHT_PX,
+    SENSOR_HEIGHT_MM,
+    SENSOR_WIDTH_MM,
+    WIDTH_PX,
+    Exposure,
+)
+from sitl_mocks.scene_frame import e7
+
+CAPACITY_MIB = 32_000.0
+
+
+@dataclass
+class Shot:
+    """A picture that was taken; its file comes when it has been drawn."""
+
+    exposure: Exposure
+    path: str
+    drawing: Future[bytes]
+    announced: bool = False
+
+
+@dataclass
+class CameraFolder:
+    """The files of the camera by path, such as `/DCIM/IMG_0001.JPG`."""
+
+    files: dict[str, bytes] = field(default_factory=dict)
+
+
+class Camera:
+    """Takes pictures when told; a command that is sent again takes no second picture.
+
+    Args:
+        expose: what the camera sees at this instant, given the running number and the commanded sequence.
+        draw: draws a picture, in the background or at once.
+        folder: receives the files.
+        boot_ms: the vehicle's clock.
+        announce: sends a message of the camera component to everybody.
+        taken: called at each exposure.
+    """
+
+    def __init__(
+        self,
+        *,
+        expose: Callable[[int, int], Exposure],
+        draw: Callable[[Exposure], Future[bytes]],
+        folder: CameraFolder,
+        boot_ms: Callable[[], int],
+        announce: Callable[[Message], None],
+        taken: Callable[[Exposure], None] = lambda _: None,
+    ) -> None:
+        self._expose = expose
+        self._draw = draw
+        self.folder = folder
+        self._boot_ms = boot_ms
+        self._announce = announce
+        self._taken = taken
+        self._last_sequence = 0
+        self._interval_s = 0.0
+        self._left = 0
+        self._next_s = 0.0
+        self.announces_captures = True
+        self.shots: list[Shot] = []
+
+    def forget_sequence(self) -> None:
+        """A new flight counts its commands from the beginning."""
+        self._last_sequence = 0
+
+    def start_capture(self, interval_s: float, total: int, sequence: int, now_s: float) -> int:
+        """IMAGE_START_CAPTURE; returns the MAV_RESULT."""
+        if total == 1 and sequence > 0:
+            if sequence == self._last_sequence:
+                return int(mavlink.MAV_RESULT_ACCEPTED)  # the command was sent again
+            self._last_sequence = sequence
+        if total != 1 and not interval_s > 0.0:
+            return int(mavlink.MAV_RESULT_DENIED)
+        self.take(sequence)
+        self._interval_s = interval_s
+        self._left = total - 1 if total > 0 else 1_000_000
+        self._next_s = now_s + interval_s
+        return int(mavlink.MAV_RESULT_ACCEPTED)
+
+    def stop_capture(self) -> None:
+        """IMAGE_STOP_CAPTURE."""
+        self._left = 0
+
+    def take(self, sequence: int = 0) -> None:
+        """Expose now."""
+        exposure = self._expose(len(self.shots), sequence)
+        path = f"/DCIM/IMG_{exposure.index + 1:04d}.JPG"
+        self.shots.append(Shot(exposure, path, self._draw(exposure)))
+        self._taken(exposure)
+
+    def step(self, now_s: float) -> None:
+        """Take the pictures of a series whose time has come, store what has been drawn, and tell of it in order."""
+        while self._left > 0 and now_s >= self._next_s:
+            self._left -= 1
+            self._next_s += self._interval_s
+            self.take()
+        for shot in self.shots:
+            if shot.announced:
+                continue
+            if not shot.drawing.done():
+                break
+            self.folder.files[shot.path] = shot.drawing.result()
+            shot.announced = True
+            if self.announces_captures:
+                self._announce(self.captured_message(shot.exposure.index))
+                self._announce(self.status_message())
+
+    def captured_message(self, index: int) -> Message | None:
+        """CAMERA_IMAGE_CAPTURED of a picture; None when there is no such picture yet."""
+        if not 0 <= index < len(self.shots) or not self.shots[index].announced:
+            return None
+        shot = self.shots[index]
+        exposure = shot.exposure
+        return mavlink.MAVLink_camera_image_captured_message(
+            round(exposure.boot_s * 1e3),
+            round(exposure.unix_s * 1e6),
+            1,
+            e7(exposure.place.latitude_deg),
+            e7(exposure.place.longitude_deg),
+            round(exposure.place.altitude_m * 1e3),
+            round((exposure.place.altitude_m - exposure.home_altitude_m) * 1e3),
+            _quaternion(exposure),
+            exposure.index,
+            1,
+            f"mftp:{shot.path}".encode(),
+        )
+
+    def status_message(self) -> Message:
+        """CAMERA_CAPTURE_STATUS."""
+        stored = sum(shot.announced for shot in self.shots)
+        return mavlink.MAVLink_camera_capture_status_message(
+            self._boot_ms(), 1 if self._left > 0 else 0, 0, self._interval_s, 0, CAPACITY_MIB, stored
+        )
+
+    def information_message(self) -> Message:
+        """CAMERA_INFORMATION."""
+        return mavlink.MAVLink_camera_information_message(
+            self._boot_ms(),
+            list(b"gcs".ljust(32, b"\0")),
+            list(b"sitl_mocks camera".ljust(32, b"\0")),
+            1,
+            FOCAL_LENGTH_MM,
+            SENSOR_WIDTH_MM,
+            SENSOR_HEIGHT_MM,
+            WIDTH_PX,
+            HEIGHT_PX,
+            0,
+            mavlink.CAMERA_CAP_FLAGS_CAPTURE_IMAGE,
+            0,
+            b"",
+        )
+
+    def storage_message(self) -> Message:
+        """STORAGE_INFORMATION."""
+        used = sum(len(data) for data in self.folder.files.values()) / 2**20
+        return mavlink.MAVLink_storage_information_message(
+            self._boot_ms(),
+            1,
+            1,
+            mavlink.STORAGE_STATUS_READY,
+            CAPACITY_MIB,
+            used,
+            CAPACITY_MIB - used,
+            50.0,
+            20.0,
+        )
+
+    def settings_message(self) -> Message:
+        """CAMERA_SETTINGS."""
+        return mavlink.MAVLink_camera_settings_message(self._boot_ms(), mavlink.CAMERA_MODE_IMAGE)
+
+
+def _quaternion(exposure: Exposure) -> list[float]:
+    """Attitude of the camera, north-east-down, w first."""
+    heading = math.pi / 2 - exposure.yaw_rad
+    cy, sy = math.cos(heading / 2), math.sin(heading / 2)
+    cp, sp = math.cos(exposure.pitch_rad / 2), math.sin(exposure.pitch_rad / 2)
+    return [cy * cp, -sy * sp, cy * sp, sy * cp]

@@ -1,0 +1,141 @@
+"""Parameters of a vehicle and the parameter protocol, in the two encodings of the two autopilots."""
+
+from __future__ import annotations
+
+import math
+import struct
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+from gcs.core.errors import InputError
+from sitl_mocks.dialect import Message, mavlink
+
+INT8, INT16, INT32, REAL32 = (
+    mavlink.MAV_PARAM_TYPE_INT8,
+    mavlink.MAV_PARAM_TYPE_INT16,
+    mavlink.MAV_PARAM_TYPE_INT32,
+    mavlink.MAV_PARAM_TYPE_REAL32,
+)
+_INT_RANGE = {INT8: 2**7, INT16: 2**15, INT32: 2**31}
+
+
+@dataclass
+class Parameter:
+    """A value and its MAV_PARAM_TYPE."""
+
+    value: float
+    type: int
+
+
+class ParameterServer:
+    """Holds parameters and answers the parameter protocol.
+
+    Args:
+        table: name -> (value, MAV_PARAM_TYPE).
+        bytewise: integers travel as the bytes of the float field (PX4) instead of being cast to float (ArduPilot).
+        answers_unknown: what to do about a name that does not exist; None for silence.
+        send: sends a message on the link that asked.
+    """
+
+    LIST_PER_STEP = 10
+
+    def __init__(
+        self,
+        table: Mapping[str, tuple[float, int]],
+        *,
+        bytewise: bool,
+        answers_unknown: Callable[[str], None] | None = None,
+    ) -> None:
+        self._parameters = {name: Parameter(float(value), kind) for name, (value, kind) in sorted(table.items())}
+        self._names = list(self._parameters)
+        self._bytewise = bytewise
+        self._answers_unknown = answers_unknown
+        self._listing: dict[object, tuple[Callable[[Message], None], int]] = {}
+
+    def __getitem__(self, name: str) -> float:
+        """Value of a parameter."""
+        return self._parameters[name].value
+
+    def override(self, name: str, value: float) -> None:
+        """Set a parameter before the flight.
+
+        Raises:
+            InputError: there is no such parameter.
+        """
+        if name not in self._parameters:
+            raise InputError(f"there is no parameter {name} on this simulated vehicle", field="--param")
+        self._set(self._parameters[name], value)
+
+    def handle(self, message: Message, send: Callable[[Message], None], channel: object) -> bool:
+        """Answer a message of the parameter protocol; False if it is none."""
+        kind = message.get_type()
+        if kind == "PARAM_REQUEST_LIST":
+            self._listing[channel] = (send, 0)
+        elif kind == "PARAM_REQUEST_READ":
+            self._read(message, send)
+        elif kind == "PARAM_SET":
+            self._write(message, send)
+        else:
+            return False
+        return True
+
+    def step(self) -> None:
+        """Go on with the lists that were asked for."""
+        for channel, (send, start) in list(self._listing.items()):
+            for name in self._names[start : start + self.LIST_PER_STEP]:
+                send(self._value_message(name, self._names.index(name)))
+            if start + self.LIST_PER_STEP >= len(self._names):
+                del self._listing[channel]
+            else:
+                self._listing[channel] = (send, start + self.LIST_PER_STEP)
+
+    def _read(self, message: Message, send: Callable[[Message], None]) -> None:
+        if message.param_index >= 0:
+            if message.param_index < len(self._names):
+                send(self._value_message(self._names[message.param_index], message.param_index))
+            return
+        name = _text(message.param_id)
+        if name in self._parameters:
+            send(self._value_message(name, self._names.index(name)))
+        elif self._answers_unknown is not None:
+            self._answers_unknown(name)
+
+    def _write(self, message: Message, send: Callable[[Message], None]) -> None:
+        name = _text(message.param_id)
+        parameter = self._parameters.get(name)
+        if parameter is None:
+            if self._answers_unknown is not None:
+                self._answers_unknown(name)
+            return
+        if self._bytewise:
+            if message.param_type != parameter.type:
+                return
+            value = float(message.param_value)
+            if parameter.type == INT32:
+                value = float(struct.unpack("<i", struct.pack("<f", message.param_value))[0])
+        else:
+            value = float(message.param_value)
+        if math.isfinite(value):
+            self._set(parameter, value)
+        send(self._value_message(name, self._names.index(name) if self._bytewise else 65535))
+
+    @staticmethod
+    def _set(parameter: Parameter, value: float) -> None:
+        if parameter.type == REAL32:
+            parameter.value = struct.unpack("<f", struct.pack("<f", value))[0]
+        else:
+            limit = _INT_RANGE[parameter.type]
+            parameter.value = float(min(max(round(value), -limit), limit - 1))
+
+    def _value_message(self, name: str, index: int) -> Message:
+        parameter = self._parameters[name]
+        value = parameter.value
+        if self._bytewise and parameter.type == INT32:
+            value = struct.unpack("<f", struct.pack("<i", int(value)))[0]
+        return mavlink.MAVLink_param_value_message(name.encode(), value, parameter.type, len(self._names), index)
+
+
+def _text(param_id: str | bytes) -> str:
+    if isinstance(param_id, bytes):
+        param_id = param_id.decode("ascii", "replace")
+    return param_id.split("\0", 1)[0]

@@ -1,0 +1,575 @@
+"""A vehicle that behaves like PX4: modes, arming, missions, offboard, failsafes."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from enum import IntEnum
+
+import numpy as np
+
+from gcs.core.frames import yaw_from_heading
+from sitl_mocks.airframe import FlightLimits, FlightSetpoint
+from sitl_mocks.channel import Channel
+from sitl_mocks.commands import ACCEPTED, DENIED, REJECTED, UNSUPPORTED, Command
+from sitl_mocks.dialect import AUTOPILOT_COMPONENT, CAMERA_COMPONENT, Message, mavlink
+from sitl_mocks.flight_tasks import DescentProfile, GoTo, Land, ReturnHome, Sink
+from sitl_mocks.mission_server import MissionServer
+from sitl_mocks.parameters import ParameterServer
+from sitl_mocks.px4_mission_run import Px4MissionRun
+from sitl_mocks.px4_mission_server import Px4MissionServer
+from sitl_mocks.px4_parameters import PX4_PARAMETERS
+from sitl_mocks.scene_frame import Array
+from sitl_mocks.setpoints import Setpoint
+from sitl_mocks.vehicle import ACTIVE, CRITICAL, LOGIC_S, STANDBY, SimulatedVehicle
+
+
+def _number(main: int, sub: int = 0) -> int:
+    return main << 16 | sub << 24
+
+
+class Mode(IntEnum):
+    """PX4's custom_mode: main mode in byte 2, sub mode in byte 3."""
+
+    MANUAL = _number(1)
+    ALTCTL = _number(2)
+    POSCTL = _number(3)
+    TAKEOFF = _number(4, 2)
+    LOITER = _number(4, 3)
+    MISSION = _number(4, 4)
+    RTL = _number(4, 5)
+    LAND = _number(4, 6)
+    ACRO = _number(5)
+    OFFBOARD = _number(6)
+    STABILIZED = _number(7)
+
+
+NAMES = {
+    Mode.MANUAL: "MANUAL",
+    Mode.ALTCTL: "ALTCTL",
+    Mode.POSCTL: "POSCTL",
+    Mode.TAKEOFF: "AUTO.TAKEOFF",
+    Mode.LOITER: "AUTO.LOITER",
+    Mode.MISSION: "AUTO.MISSION",
+    Mode.RTL: "AUTO.RTL",
+    Mode.LAND: "AUTO.LAND",
+    Mode.ACRO: "ACRO",
+    Mode.OFFBOARD: "OFFBOARD",
+    Mode.STABILIZED: "STABILIZED",
+}
+_PILOT_MODES = {Mode.MANUAL, Mode.ALTCTL, Mode.POSCTL, Mode.ACRO, Mode.STABILIZED}
+_AUTO_MODES = {Mode.TAKEOFF, Mode.LOITER, Mode.MISSION, Mode.RTL, Mode.LAND}
+_FEASIBILITY_S = 1.0
+"""An upload is found flyable this long (wall time) after it was acknowledged."""
+_SINK_M_S = 0.7
+_STREAM_ALIVE_S = 0.5
+
+
+class Px4Vehicle(SimulatedVehicle):
+    """PX4-like."""
+
+    kind = "px4"
+    autopilot = mavlink.MAV_AUTOPILOT_PX4
+    capabilities = 0xE8FF
+    software_version = 0x011000FF
+    ready_after_s = 1.5
+
+    missions: Px4MissionServer
+
+    def _make_parameters(self) -> ParameterServer:
+        table = dict(PX4_PARAMETERS)
+        table["MAV_SYS_ID"] = (self.options.system_id, table["MAV_SYS_ID"][1])
+        return ParameterServer(
+            table,
+            bytewise=True,
+            answers_unknown=lambda name: self.say(mavlink.MAV_SEVERITY_ERROR, f"unknown param: {name}"),
+        )
+
+    def _prepare(self) -> None:
+        self.mode = Mode.LOITER
+        self._intended = Mode.LOITER
+        self._failsafe: str | None = None
+        self._setpoint: Setpoint | None = None
+        self._setpoint_s = -math.inf
+        self._station_lost_s: float | None = None
+        self._battery_stage = 0
+        self._checked = True
+        self._check_at_s = 0.0
+        self.run = Px4MissionRun(self)
+
+    def _make_mission_server(self) -> MissionServer:
+        return Px4MissionServer(self.say, self._mission_changed, lambda: self.run.current)
+
+    # Telemetry -------------------------------------------------------------------------------------------------------
+
+    def default_streams(self) -> dict[int, float]:
+        """See base class."""
+        m = mavlink
+        return {
+            m.MAVLINK_MSG_ID_HEARTBEAT: 1.0,
+            m.MAVLINK_MSG_ID_SYS_STATUS: 1.0,
+            m.MAVLINK_MSG_ID_SYSTEM_TIME: 1.0,
+            m.MAVLINK_MSG_ID_GPS_RAW_INT: 2.0,
+            m.MAVLINK_MSG_ID_ATTITUDE: 20.0,
+            m.MAVLINK_MSG_ID_LOCAL_POSITION_NED: 20.0,
+            m.MAVLINK_MSG_ID_GLOBAL_POSITION_INT: 20.0,
+            m.MAVLINK_MSG_ID_VFR_HUD: 4.0,
+            m.MAVLINK_MSG_ID_ALTITUDE: 1.0,
+            m.MAVLINK_MSG_ID_BATTERY_STATUS: 0.5,
+            m.MAVLINK_MSG_ID_HOME_POSITION: 0.5,
+            m.MAVLINK_MSG_ID_EXTENDED_SYS_STATE: 1.0,
+            m.MAVLINK_MSG_ID_MISSION_CURRENT: 1.0,
+            m.MAVLINK_MSG_ID_GIMBAL_DEVICE_ATTITUDE_STATUS: 10.0,
+        }
+
+    def heartbeat(self) -> Message:
+        """HEARTBEAT with the flags that PX4 derives from the mode."""
+        flags = mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED
+        if self.mode in _AUTO_MODES:
+            flags |= mavlink.MAV_MODE_FLAG_AUTO_ENABLED
+            flags |= mavlink.MAV_MODE_FLAG_STABILIZE_ENABLED | mavlink.MAV_MODE_FLAG_GUIDED_ENABLED
+        elif self.mode is not Mode.OFFBOARD:
+            flags |= mavlink.MAV_MODE_FLAG_MANUAL_INPUT_ENABLED | mavlink.MAV_MODE_FLAG_STABILIZE_ENABLED
+        else:
+            flags |= mavlink.MAV_MODE_FLAG_STABILIZE_ENABLED
+        if self.armed:
+            flags |= mavlink.MAV_MODE_FLAG_SAFETY_ARMED
+        return mavlink.MAVLink_heartbeat_message(
+            mavlink.MAV_TYPE_QUADROTOR, self.autopilot, flags, int(self.mode), self._system_status(), 3
+        )
+
+    def _system_status(self) -> int:
+        if self._failsafe is not None:
+            return CRITICAL
+        if self.armed:
+            return ACTIVE
+        return STANDBY if self.has_position else 0
+
+    def mode_name(self) -> str:
+        """See base class."""
+        return NAMES[self.mode]
+
+    def mission_current(self) -> tuple[int, int, int, int]:
+        """See base class; state 1 stands for "no flyable mission"."""
+        mode = 1 if self.mode is Mode.MISSION else 2
+        if not self.run.mission:
+            return 0, 65535, 1, mode
+        total = len(self.run.mission)
+        if not self._mission_is_flyable():
+            state = 1
+        elif self.run.complete:
+            state = 5
+        elif self.mode is Mode.MISSION:
+            state = 3
+        else:
+            state = 4 if self.run.current > 0 else 2
+        return self.run.current, total, state, mode
+
+    def flight_item(self) -> int:
+        """See base class."""
+        return self.run.current if self.mode is Mode.MISSION else -1
+
+    def follows_plan(self) -> bool:
+        """See base class."""
+        return self.mode in {Mode.MISSION, Mode.OFFBOARD}
+
+    def _hears_texts(self, channel: Channel) -> bool:
+        return channel.peer_is_station
+
+    def say_info(self, text: str) -> None:
+        """A STATUSTEXT for information."""
+        self.say(mavlink.MAV_SEVERITY_INFO, text)
+
+    def tell_item_reached(self, sequence: int) -> None:
+        """MISSION_ITEM_REACHED."""
+        self.broadcast(mavlink.MAVLink_mission_item_reached_message(sequence))
+
+    # Limits ----------------------------------------------------------------------------------------------------------
+
+    def base_limits(self) -> FlightLimits:
+        """Auto modes fly with the cruise speeds, offboard is clipped to the maxima."""
+        p = self.parameters
+        offboard = self.mode is Mode.OFFBOARD
+        return FlightLimits(
+            horizontal_m_s=p["MPC_XY_VEL_MAX"]
+            if offboard
+            else self.override_speed(1, p["MPC_XY_CRUISE"], p["MPC_XY_VEL_MAX"]),
+            climb_m_s=p["MPC_Z_VEL_MAX_UP"]
+            if offboard
+            else self.override_speed(2, p["MPC_Z_V_AUTO_UP"], p["MPC_Z_VEL_MAX_UP"]),
+            descent_m_s=p["MPC_Z_VEL_MAX_DN"]
+            if offboard
+            else self.override_speed(3, p["MPC_Z_V_AUTO_DN"], p["MPC_Z_VEL_MAX_DN"]),
+            acceleration_m_s2=p["MPC_ACC_HOR"],
+            vertical_acceleration_m_s2=min(p["MPC_ACC_UP_MAX"], p["MPC_ACC_DOWN_MAX"]),
+            jerk_m_s3=p["MPC_JERK_AUTO"],
+            yaw_rate_rad_s=math.radians(p["MPC_YAWRAUTO_MAX"]),
+            clips_setpoints=offboard,
+        )
+
+    def descent(self) -> DescentProfile:
+        """How it comes down."""
+        return DescentProfile(self.parameters["MPC_LAND_ALT2"], self.parameters["MPC_LAND_SPEED"])
+
+    # Commands --------------------------------------------------------------------------------------------------------
+
+    def _command_table(self) -> dict[int, Callable[[Command, Channel], int]]:
+        m = mavlink
+        return {
+            **super()._command_table(),
+            m.MAV_CMD_NAV_TAKEOFF: lambda c, _: self._command_take_off(c),
+            m.MAV_CMD_NAV_LAND: lambda _c, _: self._command_mode(Mode.LAND),
+            m.MAV_CMD_NAV_RETURN_TO_LAUNCH: lambda _c, _: self._command_mode(Mode.RTL),
+            m.MAV_CMD_MISSION_START: lambda _c, _: self._mission_start(),
+            m.MAV_CMD_DO_REPOSITION: lambda c, _: self._reposition(c),
+            m.MAV_CMD_IMAGE_START_CAPTURE: lambda c, _: self.run_camera_command(c, None),
+            m.MAV_CMD_IMAGE_STOP_CAPTURE: lambda c, _: self.run_camera_command(c, None),
+            m.MAV_CMD_DO_DIGICAM_CONTROL: lambda c, _: self._digicam(c),
+        }
+
+    def _set_mode(self, base_mode: int, custom_mode: int, sub_mode: int, channel: Channel) -> int:
+        if not base_mode & mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED:
+            return UNSUPPORTED
+        number = custom_mode if custom_mode > 0xFFFF else _number(custom_mode, sub_mode)
+        # The first of two acknowledgements is always this one, whatever comes of the command.
+        acknowledgement = mavlink.MAVLink_command_ack_message(mavlink.MAV_CMD_DO_SET_MODE, ACCEPTED)
+        channel.send(acknowledgement, AUTOPILOT_COMPONENT)
+        if number not in set(Mode):
+            return DENIED
+        return self._command_mode(Mode(number))
+
+    def _command_mode(self, mode: Mode) -> int:
+        """A mode asked for by somebody; the end of a failsafe, if it can be had."""
+        if mode is Mode.MISSION and not self._mission_is_flyable():
+            return REJECTED
+        if mode is Mode.OFFBOARD and not self._stream_is_alive():
+            self.say(mavlink.MAV_SEVERITY_CRITICAL, "Switching to mode 'Offboard' is currently not available")
+            return REJECTED
+        if mode is Mode.TAKEOFF and not self.has_position:
+            return REJECTED
+        self._intended = mode
+        self._failsafe = None
+        self._station_lost_s = None
+        self._enter(mode)
+        return ACCEPTED
+
+    def set_mode_by_name(self, name: str) -> bool:
+        """See base class."""
+        for mode, known in NAMES.items():
+            if name.upper() in {known, mode.name}:
+                return self._command_mode(mode) == ACCEPTED
+        return False
+
+    def _command_take_off(self, command: Command) -> int:
+        altitude = command.params[6]
+        if not self.has_position:
+            return REJECTED
+        if not math.isfinite(altitude):
+            altitude = self.home.altitude_m + self.parameters["MIS_TAKEOFF_ALT"]
+        self._take_off_up_m = float(self.home_m[2]) + altitude - self.home.altitude_m
+        return self._command_mode(Mode.TAKEOFF)
+
+    _take_off_up_m: float | None = None
+
+    def _mission_start(self) -> int:
+        if self._command_mode(Mode.MISSION) != ACCEPTED:
+            return DENIED
+        if not self.armed:
+            if self._arming_refusal() is not None:
+                return DENIED
+            self.arm()
+        return ACCEPTED
+
+    def _reposition(self, command: Command) -> int:
+        if not self.in_air:
+            return DENIED
+        target = self.airframe.position_m
+        if command.place_is_given:
+            latitude, longitude, altitude = command.params[4:7]
+            if not math.isfinite(altitude):
+                altitude = self.frame.geo(target).altitude_m
+            target = self.frame.scene(latitude, longitude, altitude)
+        self._command_mode(Mode.LOITER)
+        yaw = yaw_from_heading(command.params[3]) if math.isfinite(command.params[3]) else None
+        self.begin(GoTo(self.airframe, target, yaw))
+        return ACCEPTED
+
+    def _digicam(self, command: Command) -> int:
+        if command.params[4] == 1.0:
+            self.camera.take()
+        return ACCEPTED
+
+    def _set_current_item(self, sequence: int) -> bool:
+        return self.run.set_current(sequence)
+
+    def forward_mission_command(self, command: Command) -> None:
+        """What an instant mission item does; the command shows on the link, as on the real one."""
+        m = mavlink
+        to_camera = command.number in {m.MAV_CMD_IMAGE_START_CAPTURE, m.MAV_CMD_IMAGE_STOP_CAPTURE}
+        component = CAMERA_COMPONENT if to_camera else 0
+        self.broadcast(m.MAVLink_command_long_message(self.system_id, component, command.number, 0, *command.params))
+        if to_camera:
+            self.run_camera_command(command, None)
+        elif command.number == m.MAV_CMD_DO_CHANGE_SPEED:
+            self.change_speed(command)
+        elif command.number in {m.MAV_CMD_DO_GIMBAL_MANAGER_PITCHYAW, m.MAV_CMD_DO_MOUNT_CONTROL}:
+            self.point_gimbal(command)
+        elif command.number == m.MAV_CMD_DO_DIGICAM_CONTROL:
+            self._digicam(command)
+
+    # Arming ----------------------------------------------------------------------------------------------------------
+
+    def _arming_refusal(self) -> str | None:
+        reason = None
+        if self.up_s < self.ready_after_s:
+            reason = "system not ready"
+        elif self.mode in _PILOT_MODES | {Mode.RTL, Mode.LAND}:
+            reason = f"mode {NAMES[self.mode]} not armable"
+        elif self.mode is Mode.OFFBOARD and not self._stream_is_alive():
+            reason = "no offboard signal"
+        elif self.mode is Mode.MISSION and not self._mission_is_flyable():
+            reason = "no valid mission available"
+        return None if reason is None else f"Arming denied: {reason}"
+
+    def _arming_refused_result(self) -> int:
+        return REJECTED
+
+    def arm(self) -> None:
+        """See base class."""
+        super().arm()
+        self._battery_stage = 0
+        self.say_info("Armed by external command")
+        self._enter(self.mode)
+
+    def _after_disarm(self) -> None:
+        self.run.leave()
+        self._failsafe = None
+        self._station_lost_s = None
+
+    # Modes -----------------------------------------------------------------------------------------------------------
+
+    @property
+    def landed(self) -> bool:
+        """Whether it stands on the ground."""
+        return self._landed
+
+    def _enter(self, mode: Mode) -> None:
+        self.mode = mode
+        self.run.leave()
+        self._refresh_limits()
+        if not self.armed:
+            return
+        if mode in _PILOT_MODES or mode is Mode.LOITER:
+            self.hold()
+        elif mode is Mode.TAKEOFF:
+            default = float(self.home_m[2]) + self.parameters["MIS_TAKEOFF_ALT"]
+            self.take_off_to(default if self._take_off_up_m is None else self._take_off_up_m)
+            self._take_off_up_m = None
+        elif mode is Mode.LAND:
+            self._begin_descent(Land(self.airframe, self.base_limits(), self.descent()))
+        elif mode is Mode.RTL:
+            self._return()
+        elif mode is Mode.MISSION:
+            self.say_info("Executing Mission")
+            self.hold()
+        elif mode is Mode.OFFBOARD:
+            self.task = None
+
+    def _begin_descent(self, task: Land) -> None:
+        if self._landed:
+            self.disarm("Disarmed by landing")
+        else:
+            self.begin(task)
+
+    def _return(self) -> None:
+        """Climb, fly home, land."""
+        if self._landed:
+            self.disarm("Disarmed by landing")
+            return
+        self.begin(
+            ReturnHome(
+                self.airframe,
+                self.base_limits(),
+                self.descent(),
+                self.home_m,
+                self.parameters["RTL_RETURN_ALT"],
+            )
+        )
+
+    def fly_to(self, target_m: Array, yaw_rad: float | None) -> None:
+        """Fly straight to a place of the mission."""
+        self.begin(GoTo(self.airframe, target_m, yaw_rad))
+
+    def return_from_mission(self) -> None:
+        """A return item is, as on the real one, a change to the return mode."""
+        self._intended = Mode.RTL
+        self._enter(Mode.RTL)
+
+    def mission_landed(self) -> None:
+        """The mission's landing is done."""
+        self.say_info("Landing detected")
+        self.say_info("Mission finished, landed")
+        self.disarm("Disarmed by landing")
+
+    def mission_flown(self) -> None:
+        """The last item is done, in the air."""
+        self.say_info("Mission finished, loitering")
+        self._intended = Mode.LOITER
+        self._enter(Mode.LOITER)
+
+    def _mission_changed(self) -> None:
+        self.run.mission_replaced()
+        self._checked = False
+        self._check_at_s = self.wall_s + _FEASIBILITY_S
+        if self.mode is Mode.MISSION and not self.run.mission:
+            self._intended = Mode.LOITER
+            self._enter(Mode.LOITER)
+
+    def _mission_is_flyable(self) -> bool:
+        if self.in_air and self.mode is Mode.MISSION:
+            self._checked = True  # an upload into a mission that is being flown goes on at once
+        if not self._checked and self.wall_s >= self._check_at_s:
+            self._checked = True
+        return self._checked and self.run.is_flyable()
+
+    def _tick(self) -> None:
+        if not self.armed:
+            return
+        self._watch_battery()
+        self._watch_fence()
+        self._watch_station_loss()
+        if self.mode is Mode.MISSION and self._mission_is_flyable():
+            self.run.tick(LOGIC_S)
+        elif self.mode is Mode.OFFBOARD or self._intended is Mode.OFFBOARD:
+            self._follow_stream()
+        elif self.run_task(LOGIC_S):
+            if self._landed:
+                self.say_info("Landing detected")
+                self.disarm("Disarmed by landing")
+            elif self.mode is Mode.TAKEOFF:
+                self._intended = Mode.LOITER
+                self._enter(Mode.LOITER)
+
+    # Offboard --------------------------------------------------------------------------------------------------------
+
+    def _take_setpoint(self, setpoint: Setpoint) -> None:
+        self._setpoint, self._setpoint_s = setpoint, self.time_s
+        if self.mode is not Mode.OFFBOARD:
+            return
+        self.counters.setpoints_in_offboard += 1
+        if self.armed:
+            self._apply_setpoint(setpoint)
+
+    def _apply_setpoint(self, setpoint: Setpoint) -> None:
+        zero = np.zeros(3)
+        if setpoint.velocity_m_s is None and setpoint.acceleration_m_s2 is None and setpoint.position_m is not None:
+            yaw = setpoint.yaw_rad if math.isfinite(setpoint.yaw_rad) else None
+            self.airframe.go_to(setpoint.position_m, yaw)
+            return
+        position = setpoint.position_m
+        if position is None:
+            position = self.airframe.position_m
+        self.airframe.follow(
+            FlightSetpoint(
+                position,
+                zero if setpoint.velocity_m_s is None else setpoint.velocity_m_s,
+                zero if setpoint.acceleration_m_s2 is None else setpoint.acceleration_m_s2,
+                setpoint.yaw_rad,
+                setpoint.yaw_rate_rad_s,
+            )
+        )
+
+    def _stream_is_alive(self) -> bool:
+        return self.time_s - self._setpoint_s < max(_STREAM_ALIVE_S, self.parameters["COM_OF_LOSS_T"])
+
+    def _follow_stream(self) -> None:
+        """Offboard while setpoints come, the failsafe while they do not; PX4 goes back by itself."""
+        lost = self.time_s - self._setpoint_s >= self.parameters["COM_OF_LOSS_T"]
+        if lost and self.mode is Mode.OFFBOARD:
+            self.say(mavlink.MAV_SEVERITY_CRITICAL, "Failsafe activated")
+            self._failsafe = "offboard loss"
+            action = int(self.parameters["COM_OBL_RC_ACT"])
+            mode = {0: Mode.POSCTL, 1: Mode.ALTCTL, 2: Mode.STABILIZED, 3: Mode.RTL, 4: Mode.LAND}.get(action)
+            self._enter(Mode.LOITER if mode is None else mode)
+            if self.mode in _PILOT_MODES and self.armed and not self._landed:
+                self.begin(Sink(self.airframe, self.base_limits(), _SINK_M_S))
+        elif not lost and self.mode is not Mode.OFFBOARD and self._failsafe == "offboard loss":
+            self._failsafe = None
+            self._enter(Mode.OFFBOARD)
+        if self.mode is Mode.OFFBOARD:
+            if not self.airframe.running and self._setpoint is not None:
+                self._apply_setpoint(self._setpoint)
+        elif self.run_task(LOGIC_S) and self._landed:
+            self.say_info("Landing detected")
+            self.disarm("Disarmed by landing")
+
+    # Failsafes -------------------------------------------------------------------------------------------------------
+
+    def _station_loss_timeout_s(self) -> float:
+        return self.parameters["COM_DL_LOSS_T"]
+
+    def _on_station_lost(self) -> None:
+        self.say(mavlink.MAV_SEVERITY_WARNING, "Connection to ground control lost")
+        if self.in_air and int(self.parameters["NAV_DLL_ACT"]) > 0:
+            self._station_lost_s = self.wall_s
+
+    def _watch_station_loss(self) -> None:
+        """Warn for COM_FAIL_ACT_T (in hold, wall time), then act."""
+        if self._station_lost_s is None:
+            return
+        if not self.station_lost:
+            if self._failsafe == "ground station loss" and self.mode is Mode.LOITER:
+                self._failsafe = None
+                self._enter(self._intended)
+            self._station_lost_s = None
+            return
+        if self._failsafe is None:
+            self._failsafe = "ground station loss"
+            self.say(mavlink.MAV_SEVERITY_CRITICAL, "Failsafe activated")
+            self._enter(Mode.LOITER)
+        elif (
+            self._failsafe == "ground station loss"
+            and self.mode is Mode.LOITER
+            and self.wall_s - self._station_lost_s >= self.parameters["COM_FAIL_ACT_T"]
+        ):
+            action = int(self.parameters["NAV_DLL_ACT"])
+            mode = {2: Mode.RTL, 3: Mode.LAND}.get(action)
+            if mode is not None:
+                self._intended = mode
+                self._enter(mode)
+
+    def _watch_battery(self) -> None:
+        remaining = self.airframe.battery.remaining
+        p = self.parameters
+        stage = sum(remaining < p[name] for name in ("BAT_LOW_THR", "BAT_CRIT_THR", "BAT_EMERGEN_THR"))
+        if stage <= self._battery_stage or not self.in_air:
+            return
+        self._battery_stage = stage
+        self.say(mavlink.MAV_SEVERITY_CRITICAL, ("Low battery", "Critical battery", "Battery empty")[stage - 1])
+        action = int(p["COM_LOW_BAT_ACT"])
+        if stage == 3 and action in {2, 3}:
+            self._fail_to(Mode.LAND, "battery")
+        elif stage == 2 and action in {1, 3}:
+            self._fail_to(Mode.RTL, "battery")
+        elif stage == 2 and action == 2:
+            self._fail_to(Mode.LAND, "battery")
+
+    def _watch_fence(self) -> None:
+        if not self.in_air or self._failsafe == "fence":
+            return
+        way = self.airframe.position_m - self.home_m
+        far, high = self.parameters["GF_MAX_HOR_DIST"], self.parameters["GF_MAX_VER_DIST"]
+        if not ((far > 0.0 and np.hypot(way[0], way[1]) > far) or (high > 0.0 and way[2] > high)):
+            return
+        action = int(self.parameters["GF_ACTION"])
+        mode = {2: Mode.LOITER, 3: Mode.RTL, 5: Mode.LAND}.get(action)
+        if mode is not None:
+            self._fail_to(mode, "fence")
+
+    def _fail_to(self, mode: Mode, reason: str) -> None:
+        if self.mode is mode:
+            return
+        self.say(mavlink.MAV_SEVERITY_CRITICAL, "Failsafe activated")
+        self._failsafe = reason
+        self._intended = mode
+        self._enter(mode)

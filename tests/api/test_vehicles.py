@@ -1,0 +1,77 @@
+from dataclasses import replace
+
+import pytest
+
+from gcs.core.vehicle import Heard
+
+
+def test_every_value_has_its_age_and_unknown_is_null(client):
+    (vehicle,) = client.get("/api/vehicles").json()
+    assert vehicle["name"] == "px4-1"
+    assert vehicle["link_quality"] == pytest.approx(0.9)
+    assert vehicle["armed"]["value"] is False
+    assert vehicle["armed"]["stale"] is False
+    assert vehicle["mode"]["value"] == "hold"
+    assert vehicle["landed"]["value"] == "on_ground"
+    assert vehicle["yaw_deg"]["value"] == pytest.approx(90)
+    assert vehicle["velocity_m_s"]["value"] == [1, 2, 3]
+    assert vehicle["position"]["stale"] is True
+    assert vehicle["position"]["age_s"] == pytest.approx(60, abs=10)
+    assert vehicle["battery"]["value"] == {"remaining": 0.8, "voltage_v": 15.2, "current_a": None}
+    for unknown in ("attitude", "gimbal_pitch_deg", "home", "mission", "gps_fix", "satellites", "ready_to_arm"):
+        assert vehicle[unknown] is None
+    assert client.get("/api/vehicles/px4-1").json()["system_id"] == 1
+    assert client.get("/api/vehicles/1").json()["name"] == "px4-1"
+
+
+def test_nothing_of_a_vehicle_that_is_not_heard_looks_fresh(client, mavlink):
+    mavlink.vehicles[1].connected = False
+    (vehicle,) = client.get("/api/vehicles").json()
+    assert vehicle["connected"] is False
+    assert all(v["stale"] for v in vehicle.values() if isinstance(v, dict))
+
+
+def test_a_value_that_stays_unheard_grows_old(client, mavlink):
+    vehicle = mavlink.vehicles[1]
+    armed = vehicle.telemetry.armed
+    vehicle.telemetry = replace(vehicle.telemetry, armed=Heard(True, armed.at_s - 3.5))
+    assert client.get("/api/vehicles").json()[0]["armed"]["stale"] is True
+
+
+def test_an_unknown_vehicle_is_a_problem(client):
+    response = client.get("/api/vehicles/px4-7")
+    assert (response.status_code, response.json()["title"]) == (404, "Not found")
+    assert client.get("/api/vehicles/px4-7/messages").status_code == 404
+
+
+def test_links_are_opened_kept_and_closed(client):
+    opened = client.post("/api/links", json={"url": "udpin:127.0.0.1:14550"})
+    assert opened.status_code == 201
+    link = opened.json()
+    assert link["state"] == "open"
+    again = client.post("/api/links", json={"url": "udpin://127.0.0.1:14550"}).json()
+    assert again["id"] == link["id"]
+    (listed,) = client.get("/api/links").json()
+    assert (listed["messages_per_s"], listed["peers"]) == (12.5, ["127.0.0.1:14550"])
+
+    client.__exit__(None, None, None)
+    client.__enter__()
+    assert [entry["id"] for entry in client.get("/api/links").json()] == [link["id"]]
+
+    assert client.delete(f"/api/links/{link['id']}").status_code == 204
+    assert client.get("/api/links").json() == []
+    assert client.delete(f"/api/links/{link['id']}").status_code == 404
+
+
+def test_a_link_that_cannot_be_opened_is_a_problem_and_not_kept(client):
+    assert client.post("/api/links", json={"url": "carrier pigeon"}).status_code == 422
+    response = client.post("/api/links", json={"url": "udpin:127.0.0.1:1"})
+    assert (response.status_code, response.json()["title"]) == (504, "No link")
+    assert client.get("/api/links").json() == []
+
+
+def test_the_status_counts(client):
+    client.post("/api/links", json={"url": "udpin:127.0.0.1:14550"})
+    status = client.get("/api/status").json()
+    assert (status["vehicles"], status["links"], status["jobs_running"], status["flights_open"]) == (1, 1, 0, 0)
+    assert status["version"]

@@ -1,0 +1,22 @@
+/** One colour a meaning, the same in the 3D view, its legend and the panels. */
+export const palette = {
+  background: '#0d131b',
+  structure: '#8793a6',
+  cable: '#b6a27c',
+  ground: '#2a3442',
+  home: '#e6edf3',
+  seen: '#3fb950',
+  unseen: '#f0883e',
+  notCoverable: '#6e7681',
+  viewpoint: '#9ecbff',
+  photographed: '#3fb950',
+  selected: '#ffffff',
+  path: '#94a0b0',
+  trajectory: '#4c9aff',
+  onVehicle: '#d46ff0',
+  flown: '#f2cc4c',
+  detour: '#ff5d6c',
+  vehicle: '#f4f7fb',
+  nose: '#ff9d3b',
+  stale: '#5c6672',
+} as const;
