@@ -15,7 +15,7 @@ from gcs.core.errors import GcsError, IncompleteError, InputError
 if TYPE_CHECKING:
     from collections.abc import Callable, Coroutine
 
-    from gcs.services.flight_types import FlightSummary
+    from gcs.services.fly_command import FlightOutcome
 
 T = TypeVar("T")
 
@@ -54,7 +54,7 @@ def plan(scenario: Path, out: Path) -> None:
 
     with TerminalProgress() as progress:
         result = plan_to_directory(scenario, out, progress)
-    c = result.certificates
+    c = result.plan.certificates
     seen = "" if c.coverage is None else f", {c.coverage:.1%} of the coverable surface"
     click.echo(f"{c.viewpoints} viewpoints{seen}")
     click.echo(
@@ -100,13 +100,13 @@ def fly(
         return vehicle_name or click.prompt(f"Type the vehicle's name to arm and start it ({name})", err=as_json)
 
     say: Callable[[str], None] = lambda line: click.echo(line, err=as_json)  # noqa: E731
-    summary: FlightSummary = _run(
+    outcome: FlightOutcome = _run(
         fly_plan(out, url, mode=mode, confirm=confirm, accept=accept, data_dir=data_dir, say=say)
     )
     if as_json:
-        click.echo(json.dumps(summary.as_json()))
-    if not summary.ok:
-        raise IncompleteError("; ".join(summary.problems) or "not all of the plan was flown")
+        click.echo(json.dumps(outcome.as_json()))
+    if not outcome.ok:
+        raise IncompleteError("; ".join(outcome.problems) or "not all of the plan was flown")
 
 
 @cli.command()
@@ -117,31 +117,29 @@ def upload(out: Path, url: str, as_json: bool) -> None:
     """Put the mission of the plan in OUT on the vehicle, and prove that it is there."""
     from gcs.services.transfer_commands import upload_plan
 
-    proof = _run(upload_plan(out, url))
+    proof = _run(upload_plan(out, url, lambda line: click.echo(line, err=True)))
     if as_json:
         click.echo(json.dumps(proof))
     else:
-        click.echo(f"proved: {proof['vehicle']} holds {proof['items']} items, read back equal")
+        click.echo(f"proved: {proof['vehicle']} holds {proof['items']} items, {proof['how']}")
 
 
 @cli.command()
 @connect_option
-@click.option(
-    "-o", "--out", type=click.Path(path_type=Path, dir_okay=False), help="Write a QGroundControl .waypoints file."
-)
+@click.option("-o", "--out", type=click.Path(path_type=Path, dir_okay=False), help="Write a .waypoints file.")
 @json_option
 def download(url: str, out: Path | None, as_json: bool) -> None:
     """Read the mission that the vehicle holds."""
     from gcs.services.transfer_commands import download_mission
 
-    lines, data = _run(download_mission(url))
+    text, items = _run(download_mission(url))
     if out is not None:
-        out.write_text("\n".join(lines) + "\n")
-        click.echo(f"{len(data)} items written to {out}")
+        out.write_text(text)
+        click.echo(f"{len(items)} items written to {out}")
     elif as_json:
-        click.echo(json.dumps(data))
+        click.echo(json.dumps(items))
     else:
-        click.echo("\n".join(lines))
+        click.echo(text, nl=False)
 
 
 @cli.command()

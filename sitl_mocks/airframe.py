@@ -293,4 +293,4 @@ class Battery:
     def hover_power_w(self, parameters: QuadrotorParameters) -> float:
         """What hovering needs, W."""
         per_motor = parameters.mass_kg * GRAVITY_M_S2 / 4.0
-        return 4.0 * per_motor**1.5 * self._per_effort + self.AVIONICS_W
+        return float(4.0 * per_motor**1.5 * self._per_effort + self.AVIONICS_W)

@@ -4,24 +4,25 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from enum import IntEnum
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from gcs.core.frames import heading_from_yaw, wrap_angle, yaw_from_heading
 from sitl_mocks.airframe import FlightLimits, FlightSetpoint
+from sitl_mocks.ardupilot_failsafes import ArduPilotFailsafes
 from sitl_mocks.ardupilot_mission_run import ArduPilotMissionRun
 from sitl_mocks.ardupilot_mission_server import ArduPilotMissionServer
+from sitl_mocks.ardupilot_modes import Mode
 from sitl_mocks.ardupilot_parameters import ARDUPILOT_PARAMETERS
 from sitl_mocks.channel import Channel, Stream
 from sitl_mocks.commands import ACCEPTED, DENIED, FAILED, UNSUPPORTED, Command
 from sitl_mocks.dialect import Message, mavlink
-from sitl_mocks.flight_tasks import DescentProfile, GoTo, Hold, Land, ReturnHome
+from sitl_mocks.flight_tasks import DescentProfile, Hold, Land, ReturnHome
 from sitl_mocks.mission_items import StoredItem
 from sitl_mocks.mission_server import MissionServer
 from sitl_mocks.parameters import ParameterServer
-from sitl_mocks.scene_frame import Array, e7
+from sitl_mocks.scene_frame import e7
 from sitl_mocks.setpoints import Setpoint
 from sitl_mocks.vehicle import ACTIVE, CRITICAL, LOGIC_S, STANDBY, SimulatedVehicle
 
@@ -29,25 +30,10 @@ if TYPE_CHECKING:
     from sitl_mocks.picture import Exposure
 
 
-class Mode(IntEnum):
-    """ArduCopter's custom_mode."""
-
-    STABILIZE = 0
-    ALT_HOLD = 2
-    AUTO = 3
-    GUIDED = 4
-    LOITER = 5
-    RTL = 6
-    LAND = 9
-    POSHOLD = 16
-    BRAKE = 17
-
-
 _WITHOUT_ARMING = {Mode.AUTO, Mode.RTL, Mode.LAND, Mode.BRAKE}
 _NEEDS_POSITION = {Mode.AUTO, Mode.GUIDED, Mode.LOITER, Mode.RTL, Mode.POSHOLD, Mode.BRAKE}
 _STORAGE_AFTER_S = 0.5
 """Wall time until the mission storage has been opened (about 2 s on the real one)."""
-_AUTO_OPTION_ON_STATION_LOSS = 2
 _HOME_BELOW_ORIGIN_M = 0.02
 """The estimator's origin and home differ by so much in height, as on the real one."""
 
@@ -69,6 +55,7 @@ class ArduPilotVehicle(SimulatedVehicle):
     software_version = 0x04070000
     gps_fix = 6
     ready_after_s = 2.0
+    announces_captures = False
 
     missions: ArduPilotMissionServer
 
@@ -85,8 +72,7 @@ class ArduPilotVehicle(SimulatedVehicle):
         self._guided_s = -math.inf
         self._guided_idle = True
         self._mission_started = False
-        self._battery_stage = 0
-        self._fence_breached = False
+        self._failsafes = ArduPilotFailsafes(self)
         self._timesync_s = 0.0
         self.run = ArduPilotMissionRun(self)
 
@@ -159,7 +145,9 @@ class ArduPilotVehicle(SimulatedVehicle):
         self.broadcast(mavlink.MAVLink_mission_item_reached_message(sequence))
 
     def _request_data_stream(self, message: Message, channel: Channel) -> None:
-        groups = _DATA_STREAMS.values() if message.req_stream_id == 0 else [_DATA_STREAMS.get(message.req_stream_id, ())]
+        groups = (
+            _DATA_STREAMS.values() if message.req_stream_id == 0 else [_DATA_STREAMS.get(message.req_stream_id, ())]
+        )
         for name in (name for group in groups for name in group):
             message_id = getattr(mavlink, f"MAVLINK_MSG_ID_{name}")
             if message.start_stop and message.req_message_rate > 0:
@@ -221,8 +209,8 @@ class ArduPilotVehicle(SimulatedVehicle):
             m.MAV_CMD_DO_REPOSITION: lambda c, _: self._reposition(c),
             m.MAV_CMD_CONDITION_YAW: lambda c, _: self._condition_yaw(c),
             m.MAV_CMD_DO_DIGICAM_CONTROL: lambda c, _: self._digicam(c),
-            m.MAV_CMD_IMAGE_START_CAPTURE: lambda c, _: self.run_camera_command(c, None),
-            m.MAV_CMD_IMAGE_STOP_CAPTURE: lambda c, _: self.run_camera_command(c, None),
+            m.MAV_CMD_IMAGE_START_CAPTURE: lambda c, _: self.camera_command(c),
+            m.MAV_CMD_IMAGE_STOP_CAPTURE: lambda c, _: self.camera_command(c),
         }
 
     def _set_mode(self, base_mode: int, custom_mode: int, sub_mode: int, channel: Channel) -> int:
@@ -248,14 +236,14 @@ class ArduPilotVehicle(SimulatedVehicle):
         return name.upper() in known and self._command_mode(known[name.upper()]) == ACCEPTED
 
     def _command_take_off(self, command: Command) -> int:
-        if self.mode is not Mode.GUIDED or not self.armed or not self._landed:
+        if self.mode is not Mode.GUIDED or not self.armed or not self.flight.landed:
             return FAILED
         height = command.params[6]
         if not math.isfinite(height) or height <= 0.0:
             return FAILED
         self._guided = None
         self._guided_idle = False
-        self.take_off_to(float(self.home_m[2]) + height)
+        self.flight.take_off_to(float(self.home_m[2]) + height)
         return ACCEPTED
 
     def _mission_start(self) -> int:
@@ -273,7 +261,7 @@ class ArduPilotVehicle(SimulatedVehicle):
             return DENIED
         if command.params[0] == 0.0:
             self.run.pause()
-            self.hold()
+            self.flight.hold()
         else:
             self.run.go_on()
         self.broadcast(self.telemetry.build(mavlink.MAVLINK_MSG_ID_MISSION_CURRENT))
@@ -287,7 +275,7 @@ class ArduPilotVehicle(SimulatedVehicle):
         if command.frame in {3, 6}:
             altitude += self.home.altitude_m
         self._guided_idle = False
-        self.begin(GoTo(self.airframe, self.frame.scene(latitude, longitude, altitude)))
+        self.flight.fly_to(self.frame.scene(latitude, longitude, altitude))
         return ACCEPTED
 
     def _condition_yaw(self, command: Command) -> int:
@@ -305,11 +293,6 @@ class ArduPilotVehicle(SimulatedVehicle):
             self.camera.take()
         return ACCEPTED
 
-    def run_camera_command(self, command: Command, channel: Channel | None) -> int:
-        """See base class; this camera does not tell of its files."""
-        self.camera.announces_captures = False
-        return super().run_camera_command(command, channel)
-
     def run_mission_command(self, command: Command) -> None:
         """What a do command of the mission does."""
         m = mavlink
@@ -320,7 +303,7 @@ class ArduPilotVehicle(SimulatedVehicle):
         elif command.number == m.MAV_CMD_DO_DIGICAM_CONTROL:
             self._digicam(command)
         elif command.number in {m.MAV_CMD_IMAGE_START_CAPTURE, m.MAV_CMD_IMAGE_STOP_CAPTURE}:
-            self.run_camera_command(command, None)
+            self.camera_command(command)
 
     def _set_current_item(self, sequence: int) -> bool:
         return self.run.set_current(sequence)
@@ -345,8 +328,7 @@ class ArduPilotVehicle(SimulatedVehicle):
         super().arm()
         self.home_m = self.home_m - np.array([0.0, 0.0, _HOME_BELOW_ORIGIN_M])
         self.home = self.frame.geo(self.home_m)
-        self._battery_stage = 0
-        self._fence_breached = False
+        self._failsafes.reset()
         self._guided = None
         self._guided_idle = True
         self._mission_started = False
@@ -364,25 +346,18 @@ class ArduPilotVehicle(SimulatedVehicle):
 
     # Modes -----------------------------------------------------------------------------------------------------------
 
-    @property
-    def landed(self) -> bool:
-        """Whether it stands on the ground."""
-        return self._landed
-
     def _enter(self, mode: Mode) -> None:
         if self.mode is Mode.AUTO and mode is not Mode.AUTO:
             self.run.leave()
         self.mode = mode
         self._guided = None
         self._guided_idle = True
-        self._refresh_limits()
+        self.flight.refresh_limits()
         self.broadcast(self.heartbeat())  # ArduPilot tells at once
         if mode is Mode.AUTO:
             # On the ground nothing happens before MISSION_START; in the air the mission goes on.
             self._mission_started = self.in_air
-            if self.in_air:
-                self.run.start_or_resume()
-            elif self.run.total and self.run.state != 3:
+            if self.in_air or self.run.state != 3:
                 self.run.start_or_resume()
             return
         if not self.armed:
@@ -392,20 +367,20 @@ class ArduPilotVehicle(SimulatedVehicle):
         elif mode is Mode.RTL:
             self.begin_return()
         else:
-            self.hold()
+            self.flight.hold()
 
     def _land(self) -> None:
-        if self._landed:
+        if self.flight.landed:
             self.disarm("Disarmed by landing")
         else:
-            self.begin(Land(self.airframe, self.base_limits(), self.descent()))
+            self.flight.begin(Land(self.airframe, self.base_limits(), self.descent()))
 
     def begin_return(self) -> None:
         """Climb, fly home, land; also what a return item of a mission does."""
-        if self._landed:
+        if self.flight.landed:
             self.disarm("Disarmed by landing")
             return
-        self.begin(
+        self.flight.begin(
             ReturnHome(
                 self.airframe,
                 self.base_limits(),
@@ -416,16 +391,12 @@ class ArduPilotVehicle(SimulatedVehicle):
             )
         )
 
-    def fly_to(self, target_m: Array, yaw_rad: float | None) -> None:
-        """Fly straight to a place of the mission."""
-        self.begin(GoTo(self.airframe, target_m, yaw_rad))
-
     def mission_flown(self) -> None:
         """The mission's last command is done."""
-        if self._landed:
+        if self.flight.landed:
             self.disarm("Disarmed by landing")
         else:
-            self.begin(Hold(self.airframe))
+            self.flight.begin(Hold(self.airframe))
 
     def _tick(self) -> None:
         if self.has_position and not self._position_told:
@@ -437,13 +408,12 @@ class ArduPilotVehicle(SimulatedVehicle):
             self.broadcast(mavlink.MAVLink_timesync_message(0, round(self.time_s * 1e9)))
         if not self.armed:
             return
-        self._watch_battery()
-        self._watch_fence()
+        self._failsafes.tick()
         if self.mode is Mode.AUTO and self._mission_started and self.run.state == 3:
             self.run.tick(LOGIC_S)
         elif self.mode is Mode.GUIDED and self._guided is not None:
             self._watch_guided()
-        elif self.run_task(LOGIC_S) and self._landed:
+        elif self.flight.run(LOGIC_S) and self.flight.landed:
             self.disarm("Disarmed by landing")
 
     # Guided ----------------------------------------------------------------------------------------------------------
@@ -455,8 +425,7 @@ class ArduPilotVehicle(SimulatedVehicle):
         if not self.in_air:
             return  # GUIDED leaves the ground by NAV_TAKEOFF alone
         zero = np.zeros(3)
-        self.task = None
-        self._taking_off = False
+        self.flight.follow_setpoints()
         self._guided, self._guided_s, self._guided_idle = setpoint, self.time_s, False
         if setpoint.velocity_m_s is None and setpoint.acceleration_m_s2 is None and setpoint.position_m is not None:
             yaw = setpoint.yaw_rad if math.isfinite(setpoint.yaw_rad) else None
@@ -479,7 +448,7 @@ class ArduPilotVehicle(SimulatedVehicle):
             return
         if self.time_s - self._guided_s >= self.parameters["GUID_TIMEOUT"]:
             self._guided = None
-            self.hold()
+            self.flight.hold()
 
     # Failsafes -------------------------------------------------------------------------------------------------------
 
@@ -490,44 +459,10 @@ class ArduPilotVehicle(SimulatedVehicle):
         return self.parameters["FS_GCS_TIMEOUT"]
 
     def _on_station_lost(self) -> None:
-        action = int(self.parameters["FS_GCS_ENABLE"])
-        if not self.in_air or action == 0 or self.mode in {Mode.LAND, Mode.RTL}:
-            return
-        self.say_critical("GCS Failsafe")
-        goes_on = action == 2 or int(self.parameters["FS_OPTIONS"]) & _AUTO_OPTION_ON_STATION_LOSS
-        if self.mode is Mode.AUTO and goes_on:
-            self.say_info("GCS Failsafe - Continuing Auto Mode")
-            return
-        self._fail_to(Mode.LAND if action == 5 else Mode.RTL, "ground station loss")
+        self._failsafes.station_lost()
 
-    def _watch_battery(self) -> None:
-        p = self.parameters
-        left_mah = self.airframe.battery.remaining * p["BATT_CAPACITY"]
-        stage = sum(left_mah < p[name] for name in ("BATT_LOW_MAH", "BATT_CRT_MAH"))
-        if stage <= self._battery_stage or not self.in_air:
-            return
-        self._battery_stage = stage
-        self.say_critical(f"Battery 1 is {('low', 'critical')[stage - 1]}")
-        action = int(p["BATT_FS_LOW_ACT" if stage == 1 else "BATT_FS_CRT_ACT"])
-        if action:
-            self._fail_to(Mode.LAND if action == 1 else Mode.RTL, "battery")
-
-    def _watch_fence(self) -> None:
-        p = self.parameters
-        if not self.in_air or self._fence_breached or not p["FENCE_ENABLE"]:
-            return
-        way = self.airframe.position_m - self.home_m
-        kinds = int(p["FENCE_TYPE"])
-        high = kinds & 1 and way[2] > p["FENCE_ALT_MAX"]
-        far = kinds & 2 and np.hypot(way[0], way[1]) > p["FENCE_RADIUS"]
-        if high or far:
-            self._fence_breached = True
-            self.say_critical("Fence Breached")
-            action = int(p["FENCE_ACTION"])
-            if action:
-                self._fail_to({2: Mode.LAND, 4: Mode.BRAKE}.get(action, Mode.RTL), "fence")
-
-    def _fail_to(self, mode: Mode, reason: str) -> None:
+    def fail_to(self, mode: Mode, reason: str) -> None:
+        """A failsafe takes the vehicle into another mode."""
         if self.mode is not mode:
             self._enter(mode)
         self._failsafe = reason

@@ -62,6 +62,7 @@ class ArduPilotMissionRun:
         self._side: int | None = None
         """Sequence of the do or condition command that is running or comes next; None when there is none."""
         self._side_begun = False
+        self._side_since_s = 0.0
         self._yaw_rad: float | None = None
         self._target_m: Array | None = None
         self._jumps: dict[int, int] = {}
@@ -150,7 +151,7 @@ class ArduPilotMissionRun:
             self._begun = True
             self._since_s = None
             self._begin(item)
-        task_done = vehicle.run_task(dt_s)
+        task_done = vehicle.flight.run(dt_s)
         if vehicle.replanner.on_detour:
             return
         if self._is_done(item, task_done):
@@ -166,16 +167,16 @@ class ArduPilotMissionRun:
         if item.command == items.TAKEOFF:
             up = float(self._place(item)[2])
             self._target_m = np.array([*airframe.position_m[:2], up])
-            vehicle.take_off_to(up)
+            vehicle.flight.take_off_to(up)
         elif item.command in _FLYING:
             self._target_m = self._place(item)
             if self._yaw_rad is None or vehicle.parameters["WP_YAW_BEHAVIOR"] != 0:
                 self._yaw_rad = None
-            yaw = self._yaw_rad if self._yaw_rad is not None else vehicle.facing(self._target_m)
-            vehicle.fly_to(self._target_m, yaw)
+            yaw = self._yaw_rad if self._yaw_rad is not None else vehicle.flight.facing(self._target_m)
+            vehicle.flight.fly_to(self._target_m, yaw)
         elif item.command == items.LAND:
             target = self._place(item) if item.x or item.y else airframe.target_m
-            vehicle.begin(Land(airframe, vehicle.base_limits(), vehicle.descent(), target))
+            vehicle.flight.begin(Land(airframe, vehicle.base_limits(), vehicle.descent(), target))
         elif item.command == items.RETURN:
             vehicle.begin_return()
         elif item.command == items.DELAY:
@@ -187,7 +188,7 @@ class ArduPilotMissionRun:
         if item.command == items.TAKEOFF:
             return task_done
         if item.command in {items.LAND, items.RETURN}:
-            return task_done and vehicle.landed
+            return task_done and vehicle.flight.landed
         if item.command == items.DELAY:
             return self._since_s is not None and vehicle.time_s - self._since_s >= item.params[0]
         if item.command in _FLYING and self._target_m is not None:
@@ -296,15 +297,15 @@ class ArduPilotMissionRun:
                 self._vehicle.airframe.turn_to(self._yaw_rad)
             elif item.command == items.CONDITION_DELAY:
                 self._side_since_s = self._vehicle.time_s
-        if item.command == items.CONDITION_YAW and self._yaw_rad is not None:
-            if abs(wrap_angle(self._vehicle.airframe.yaw_rad - self._yaw_rad)) > _YAW_DONE_RAD:
-                return
-        elif item.command == items.CONDITION_DELAY:
-            if self._vehicle.time_s - self._side_since_s < item.params[0]:
-                return
+        if item.command == items.CONDITION_YAW and not self._yaw_is_there():
+            return
+        if item.command == items.CONDITION_DELAY and self._vehicle.time_s - self._side_since_s < item.params[0]:
+            return
         self._finish_side()
 
-    _side_since_s = 0.0
+    def _yaw_is_there(self) -> bool:
+        yaw = self._yaw_rad
+        return yaw is None or abs(wrap_angle(self._vehicle.airframe.yaw_rad - yaw)) <= _YAW_DONE_RAD
 
     def _commanded_yaw(self, item: StoredItem) -> float:
         angle, relative = math.radians(item.params[0]), item.params[3] == 1.0

@@ -139,5 +139,5 @@ class ArduPilotMissionServer(MissionServer):
         if self.upload is not None:
             self._acknowledge(DENIED, peer, send)
             return
-        self._clear()
+        self.clear()
         self._acknowledge(ACCEPTED, peer, send)

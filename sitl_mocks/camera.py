@@ -7,6 +7,7 @@ from collections.abc import Callable
 from concurrent.futures import Future
 from dataclasses import dataclass, field
 
+from sitl_mocks.commands import ACCEPTED, DENIED, UNSUPPORTED, Command
 from sitl_mocks.dialect import Message, mavlink
 from sitl_mocks.picture import (
     FOCAL_LENGTH_MM,
@@ -19,6 +20,12 @@ from sitl_mocks.picture import (
 from sitl_mocks.scene_frame import e7
 
 CAPACITY_MIB = 32_000.0
+_OLD_REQUESTS = {
+    mavlink.MAV_CMD_REQUEST_CAMERA_INFORMATION: mavlink.MAVLINK_MSG_ID_CAMERA_INFORMATION,
+    mavlink.MAV_CMD_REQUEST_CAMERA_SETTINGS: mavlink.MAVLINK_MSG_ID_CAMERA_SETTINGS,
+    mavlink.MAV_CMD_REQUEST_STORAGE_INFORMATION: mavlink.MAVLINK_MSG_ID_STORAGE_INFORMATION,
+    mavlink.MAV_CMD_REQUEST_CAMERA_CAPTURE_STATUS: mavlink.MAVLINK_MSG_ID_CAMERA_CAPTURE_STATUS,
+}
 
 
 @dataclass
@@ -28,7 +35,6 @@ class Shot:
     exposure: Exposure
     path: str
     drawing: Future[bytes]
-    announced: bool = False
 
 
 @dataclass
@@ -46,7 +52,7 @@ class Camera:
         draw: draws a picture, in the background or at once.
         folder: receives the files.
         boot_ms: the vehicle's clock.
-        announce: sends a message of the camera component to everybody.
+        announce: called with what the camera has to tell when a picture has been stored.
         taken: called at each exposure.
     """
 
@@ -57,7 +63,7 @@ class Camera:
         draw: Callable[[Exposure], Future[bytes]],
         folder: CameraFolder,
         boot_ms: Callable[[], int],
-        announce: Callable[[Message], None],
+        announce: Callable[[Message | None], None],
         taken: Callable[[Exposure], None] = lambda _: None,
     ) -> None:
         self._expose = expose
@@ -70,8 +76,8 @@ class Camera:
         self._interval_s = 0.0
         self._left = 0
         self._next_s = 0.0
-        self.announces_captures = True
         self.shots: list[Shot] = []
+        self._stored = 0
 
     def forget_sequence(self) -> None:
         """A new flight counts its commands from the beginning."""
@@ -108,20 +114,16 @@ class Camera:
             self._left -= 1
             self._next_s += self._interval_s
             self.take()
-        for shot in self.shots:
-            if shot.announced:
-                continue
-            if not shot.drawing.done():
-                break
+        while self._stored < len(self.shots) and self.shots[self._stored].drawing.done():
+            shot = self.shots[self._stored]
             self.folder.files[shot.path] = shot.drawing.result()
-            shot.announced = True
-            if self.announces_captures:
-                self._announce(self.captured_message(shot.exposure.index))
-                self._announce(self.status_message())
+            self._stored += 1
+            self._announce(self.captured_message(shot.exposure.index))
+            self._announce(self.status_message())
 
     def captured_message(self, index: int) -> Message | None:
         """CAMERA_IMAGE_CAPTURED of a picture; None when there is no such picture yet."""
-        if not 0 <= index < len(self.shots) or not self.shots[index].announced:
+        if not 0 <= index < self._stored:
             return None
         shot = self.shots[index]
         exposure = shot.exposure
@@ -141,9 +143,8 @@ class Camera:
 
     def status_message(self) -> Message:
         """CAMERA_CAPTURE_STATUS."""
-        stored = sum(shot.announced for shot in self.shots)
         return mavlink.MAVLink_camera_capture_status_message(
-            self._boot_ms(), 1 if self._left > 0 else 0, 0, self._interval_s, 0, CAPACITY_MIB, stored
+            self._boot_ms(), 1 if self._left > 0 else 0, 0, self._interval_s, 0, CAPACITY_MIB, self._stored
         )
 
     def information_message(self) -> Message:
@@ -182,6 +183,52 @@ class Camera:
     def settings_message(self) -> Message:
         """CAMERA_SETTINGS."""
         return mavlink.MAVLink_camera_settings_message(self._boot_ms(), mavlink.CAMERA_MODE_IMAGE)
+
+    def run_command(self, command: Command, now_s: float, reply: Callable[[Message], None]) -> int:
+        """Carry out a command for the camera component.
+
+        Args:
+            command: it.
+            now_s: the vehicle's clock.
+            reply: sends a message that was asked for.
+
+        Returns:
+            The MAV_RESULT.
+        """
+        m = mavlink
+        if command.number == m.MAV_CMD_IMAGE_START_CAPTURE:
+            sequence = command.params[3]
+            count = int(sequence) if math.isfinite(sequence) else 0
+            return self.start_capture(command.params[1], int(command.params[2]), count, now_s)
+        if command.number == m.MAV_CMD_IMAGE_STOP_CAPTURE:
+            self.stop_capture()
+            return ACCEPTED
+        if command.number == m.MAV_CMD_SET_CAMERA_MODE:
+            return ACCEPTED if int(command.params[1]) == m.CAMERA_MODE_IMAGE else UNSUPPORTED
+        message_id = _OLD_REQUESTS.get(command.number)
+        if command.number == m.MAV_CMD_REQUEST_MESSAGE:
+            message_id = int(command.params[0])
+        if message_id is None:
+            return UNSUPPORTED
+        message = self._message(message_id, command.params[1])
+        if message is None:
+            return DENIED if message_id == m.MAVLINK_MSG_ID_CAMERA_IMAGE_CAPTURED else UNSUPPORTED
+        reply(message)
+        return ACCEPTED
+
+    def _message(self, message_id: int, index: float) -> Message | None:
+        m = mavlink
+        if message_id == m.MAVLINK_MSG_ID_CAMERA_INFORMATION:
+            return self.information_message()
+        if message_id == m.MAVLINK_MSG_ID_CAMERA_SETTINGS:
+            return self.settings_message()
+        if message_id == m.MAVLINK_MSG_ID_STORAGE_INFORMATION:
+            return self.storage_message()
+        if message_id == m.MAVLINK_MSG_ID_CAMERA_CAPTURE_STATUS:
+            return self.status_message()
+        if message_id == m.MAVLINK_MSG_ID_CAMERA_IMAGE_CAPTURED and math.isfinite(index):
+            return self.captured_message(int(index))
+        return None
 
 
 def _quaternion(exposure: Exposure) -> list[float]:

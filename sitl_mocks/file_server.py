@@ -31,7 +31,7 @@ class _Burst:
     """A burst that is being sent."""
 
     send: Callable[[Message], None]
-    header: tuple[int, int]
+    receiver: tuple[int, int]
     sequence: int
     data: bytes
     offset: int
@@ -86,7 +86,7 @@ class FileServer:
                 complete = burst.offset + len(chunk) >= burst.end
                 burst.sequence += 1
                 packet = _reply(burst.sequence, session, BURST, burst.offset, chunk, complete=complete)
-                burst.send(_message(burst.header, packet))
+                burst.send(_message(burst.receiver, packet))
                 burst.offset += len(chunk)
                 if complete:
                     del self._bursts[session]

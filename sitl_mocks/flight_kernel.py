@@ -48,7 +48,9 @@ _MAX_CORRECTION_M_S = 6.0
 
 
 @compiled
-def fly(steps: int, state: Array, guidance: Array, limits: Array, wind: Array, ground: float, p: Array, g: Array) -> float:
+def fly(
+    steps: int, state: Array, guidance: Array, limits: Array, wind: Array, ground: float, p: Array, g: Array
+) -> float:
     """Advance one vehicle in place.
 
     Args:
@@ -91,9 +93,7 @@ def _rest_on_ground(state: Array, ground: float) -> None:
     state[5] = max(state[5], 0.0)
     state[3] = 0.0
     state[4] = 0.0
-    yaw = math.atan2(
-        2.0 * (state[6] * state[9] + state[7] * state[8]), 1.0 - 2.0 * (state[8] ** 2 + state[9] ** 2)
-    )
+    yaw = math.atan2(2.0 * (state[6] * state[9] + state[7] * state[8]), 1.0 - 2.0 * (state[8] ** 2 + state[9] ** 2))
     state[6] = math.cos(yaw / 2.0)
     state[7] = 0.0
     state[8] = 0.0

@@ -170,9 +170,7 @@ def ardupilot_item(item: StoredItem) -> StoredItem:
     params = item.params
     if item.command == JUMP:
         params = (float(int(params[0])), float(int(params[1])), 0.0, 0.0)
-    elif item.command == CHANGE_SPEED:
-        params = (*params[:3], 0.0)
-    elif item.command == IMAGE_START and math.isnan(params[3]):
+    elif item.command == CHANGE_SPEED or (item.command == IMAGE_START and math.isnan(params[3])):
         params = (*params[:3], 0.0)
     return StoredItem(0, item.command, params, x, y, z)
 

@@ -85,10 +85,11 @@ class MissionServer(ABC):
             send(mavlink.MAVLink_mission_ack_message(*peer, UNSUPPORTED, message.mission_type))
         elif kind == "MISSION_CLEAR_ALL":
             if message.mission_type == mavlink.MAV_MISSION_TYPE_ALL:
-                self._clear()
+                self.clear()
             send(mavlink.MAVLink_mission_ack_message(*peer, ACCEPTED, message.mission_type))
 
-    def _clear(self) -> None:
+    def clear(self) -> None:
+        """Forget the mission."""
         self.items = []
         self._changed()
 

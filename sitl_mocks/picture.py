@@ -146,7 +146,8 @@ def render(scene: Scene, exposure: Exposure) -> NDArray[np.uint8]:
     paint = np.where(solid[:, None], [235.0, 150.0, 50.0], [125.0, 135.0, 105.0])
     colour = paint * (light * checker)[:, None] * haze + (1.0 - haze) * np.array([190.0, 200.0, 210.0])
     pixels = np.where(seen[:, None], colour, sky)
-    return np.clip(pixels, 0.0, 255.0).astype(np.uint8).reshape(HEIGHT_PX, WIDTH_PX, 3)
+    picture: NDArray[np.uint8] = np.clip(pixels, 0.0, 255.0).astype(np.uint8).reshape(HEIGHT_PX, WIDTH_PX, 3)
+    return picture
 
 
 def jpeg(pixels: NDArray[np.uint8], exposure: Exposure) -> bytes:

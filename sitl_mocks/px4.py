@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from enum import IntEnum
 
 import numpy as np
 
@@ -13,52 +12,17 @@ from sitl_mocks.airframe import FlightLimits, FlightSetpoint
 from sitl_mocks.channel import Channel
 from sitl_mocks.commands import ACCEPTED, DENIED, REJECTED, UNSUPPORTED, Command
 from sitl_mocks.dialect import AUTOPILOT_COMPONENT, CAMERA_COMPONENT, Message, mavlink
-from sitl_mocks.flight_tasks import DescentProfile, GoTo, Land, ReturnHome, Sink
+from sitl_mocks.flight_tasks import DescentProfile, Land, ReturnHome, Sink
 from sitl_mocks.mission_server import MissionServer
 from sitl_mocks.parameters import ParameterServer
+from sitl_mocks.px4_failsafes import Px4Failsafes
 from sitl_mocks.px4_mission_run import Px4MissionRun
 from sitl_mocks.px4_mission_server import Px4MissionServer
+from sitl_mocks.px4_modes import AUTO_MODES, NAMES, PILOT_MODES, Mode, mode_number
 from sitl_mocks.px4_parameters import PX4_PARAMETERS
-from sitl_mocks.scene_frame import Array
 from sitl_mocks.setpoints import Setpoint
 from sitl_mocks.vehicle import ACTIVE, CRITICAL, LOGIC_S, STANDBY, SimulatedVehicle
 
-
-def _number(main: int, sub: int = 0) -> int:
-    return main << 16 | sub << 24
-
-
-class Mode(IntEnum):
-    """PX4's custom_mode: main mode in byte 2, sub mode in byte 3."""
-
-    MANUAL = _number(1)
-    ALTCTL = _number(2)
-    POSCTL = _number(3)
-    TAKEOFF = _number(4, 2)
-    LOITER = _number(4, 3)
-    MISSION = _number(4, 4)
-    RTL = _number(4, 5)
-    LAND = _number(4, 6)
-    ACRO = _number(5)
-    OFFBOARD = _number(6)
-    STABILIZED = _number(7)
-
-
-NAMES = {
-    Mode.MANUAL: "MANUAL",
-    Mode.ALTCTL: "ALTCTL",
-    Mode.POSCTL: "POSCTL",
-    Mode.TAKEOFF: "AUTO.TAKEOFF",
-    Mode.LOITER: "AUTO.LOITER",
-    Mode.MISSION: "AUTO.MISSION",
-    Mode.RTL: "AUTO.RTL",
-    Mode.LAND: "AUTO.LAND",
-    Mode.ACRO: "ACRO",
-    Mode.OFFBOARD: "OFFBOARD",
-    Mode.STABILIZED: "STABILIZED",
-}
-_PILOT_MODES = {Mode.MANUAL, Mode.ALTCTL, Mode.POSCTL, Mode.ACRO, Mode.STABILIZED}
-_AUTO_MODES = {Mode.TAKEOFF, Mode.LOITER, Mode.MISSION, Mode.RTL, Mode.LAND}
 _FEASIBILITY_S = 1.0
 """An upload is found flyable this long (wall time) after it was acknowledged."""
 _SINK_M_S = 0.7
@@ -88,11 +52,10 @@ class Px4Vehicle(SimulatedVehicle):
     def _prepare(self) -> None:
         self.mode = Mode.LOITER
         self._intended = Mode.LOITER
-        self._failsafe: str | None = None
+        self.failsafe: str | None = None
         self._setpoint: Setpoint | None = None
         self._setpoint_s = -math.inf
-        self._station_lost_s: float | None = None
-        self._battery_stage = 0
+        self._failsafes = Px4Failsafes(self)
         self._checked = True
         self._check_at_s = 0.0
         self.run = Px4MissionRun(self)
@@ -125,7 +88,7 @@ class Px4Vehicle(SimulatedVehicle):
     def heartbeat(self) -> Message:
         """HEARTBEAT with the flags that PX4 derives from the mode."""
         flags = mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED
-        if self.mode in _AUTO_MODES:
+        if self.mode in AUTO_MODES:
             flags |= mavlink.MAV_MODE_FLAG_AUTO_ENABLED
             flags |= mavlink.MAV_MODE_FLAG_STABILIZE_ENABLED | mavlink.MAV_MODE_FLAG_GUIDED_ENABLED
         elif self.mode is not Mode.OFFBOARD:
@@ -139,7 +102,7 @@ class Px4Vehicle(SimulatedVehicle):
         )
 
     def _system_status(self) -> int:
-        if self._failsafe is not None:
+        if self.failsafe is not None:
             return CRITICAL
         if self.armed:
             return ACTIVE
@@ -222,15 +185,15 @@ class Px4Vehicle(SimulatedVehicle):
             m.MAV_CMD_NAV_RETURN_TO_LAUNCH: lambda _c, _: self._command_mode(Mode.RTL),
             m.MAV_CMD_MISSION_START: lambda _c, _: self._mission_start(),
             m.MAV_CMD_DO_REPOSITION: lambda c, _: self._reposition(c),
-            m.MAV_CMD_IMAGE_START_CAPTURE: lambda c, _: self.run_camera_command(c, None),
-            m.MAV_CMD_IMAGE_STOP_CAPTURE: lambda c, _: self.run_camera_command(c, None),
+            m.MAV_CMD_IMAGE_START_CAPTURE: lambda c, _: self.camera_command(c),
+            m.MAV_CMD_IMAGE_STOP_CAPTURE: lambda c, _: self.camera_command(c),
             m.MAV_CMD_DO_DIGICAM_CONTROL: lambda c, _: self._digicam(c),
         }
 
     def _set_mode(self, base_mode: int, custom_mode: int, sub_mode: int, channel: Channel) -> int:
         if not base_mode & mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED:
             return UNSUPPORTED
-        number = custom_mode if custom_mode > 0xFFFF else _number(custom_mode, sub_mode)
+        number = custom_mode if custom_mode > 0xFFFF else mode_number(custom_mode, sub_mode)
         # The first of two acknowledgements is always this one, whatever comes of the command.
         acknowledgement = mavlink.MAVLink_command_ack_message(mavlink.MAV_CMD_DO_SET_MODE, ACCEPTED)
         channel.send(acknowledgement, AUTOPILOT_COMPONENT)
@@ -248,8 +211,8 @@ class Px4Vehicle(SimulatedVehicle):
         if mode is Mode.TAKEOFF and not self.has_position:
             return REJECTED
         self._intended = mode
-        self._failsafe = None
-        self._station_lost_s = None
+        self.failsafe = None
+        self._failsafes.reset()
         self._enter(mode)
         return ACCEPTED
 
@@ -291,7 +254,7 @@ class Px4Vehicle(SimulatedVehicle):
             target = self.frame.scene(latitude, longitude, altitude)
         self._command_mode(Mode.LOITER)
         yaw = yaw_from_heading(command.params[3]) if math.isfinite(command.params[3]) else None
-        self.begin(GoTo(self.airframe, target, yaw))
+        self.flight.fly_to(target, yaw)
         return ACCEPTED
 
     def _digicam(self, command: Command) -> int:
@@ -309,7 +272,7 @@ class Px4Vehicle(SimulatedVehicle):
         component = CAMERA_COMPONENT if to_camera else 0
         self.broadcast(m.MAVLink_command_long_message(self.system_id, component, command.number, 0, *command.params))
         if to_camera:
-            self.run_camera_command(command, None)
+            self.camera_command(command)
         elif command.number == m.MAV_CMD_DO_CHANGE_SPEED:
             self.change_speed(command)
         elif command.number in {m.MAV_CMD_DO_GIMBAL_MANAGER_PITCHYAW, m.MAV_CMD_DO_MOUNT_CONTROL}:
@@ -323,7 +286,7 @@ class Px4Vehicle(SimulatedVehicle):
         reason = None
         if self.up_s < self.ready_after_s:
             reason = "system not ready"
-        elif self.mode in _PILOT_MODES | {Mode.RTL, Mode.LAND}:
+        elif self.mode in PILOT_MODES | {Mode.RTL, Mode.LAND}:
             reason = f"mode {NAMES[self.mode]} not armable"
         elif self.mode is Mode.OFFBOARD and not self._stream_is_alive():
             reason = "no offboard signal"
@@ -337,33 +300,28 @@ class Px4Vehicle(SimulatedVehicle):
     def arm(self) -> None:
         """See base class."""
         super().arm()
-        self._battery_stage = 0
+        self._failsafes.battery_changed()
         self.say_info("Armed by external command")
         self._enter(self.mode)
 
     def _after_disarm(self) -> None:
         self.run.leave()
-        self._failsafe = None
-        self._station_lost_s = None
+        self.failsafe = None
+        self._failsafes.reset()
 
     # Modes -----------------------------------------------------------------------------------------------------------
-
-    @property
-    def landed(self) -> bool:
-        """Whether it stands on the ground."""
-        return self._landed
 
     def _enter(self, mode: Mode) -> None:
         self.mode = mode
         self.run.leave()
-        self._refresh_limits()
+        self.flight.refresh_limits()
         if not self.armed:
             return
-        if mode in _PILOT_MODES or mode is Mode.LOITER:
-            self.hold()
+        if mode in PILOT_MODES or mode is Mode.LOITER:
+            self.flight.hold()
         elif mode is Mode.TAKEOFF:
             default = float(self.home_m[2]) + self.parameters["MIS_TAKEOFF_ALT"]
-            self.take_off_to(default if self._take_off_up_m is None else self._take_off_up_m)
+            self.flight.take_off_to(default if self._take_off_up_m is None else self._take_off_up_m)
             self._take_off_up_m = None
         elif mode is Mode.LAND:
             self._begin_descent(Land(self.airframe, self.base_limits(), self.descent()))
@@ -371,22 +329,22 @@ class Px4Vehicle(SimulatedVehicle):
             self._return()
         elif mode is Mode.MISSION:
             self.say_info("Executing Mission")
-            self.hold()
+            self.flight.hold()
         elif mode is Mode.OFFBOARD:
-            self.task = None
+            self.flight.follow_setpoints()
 
     def _begin_descent(self, task: Land) -> None:
-        if self._landed:
+        if self.flight.landed:
             self.disarm("Disarmed by landing")
         else:
-            self.begin(task)
+            self.flight.begin(task)
 
     def _return(self) -> None:
         """Climb, fly home, land."""
-        if self._landed:
+        if self.flight.landed:
             self.disarm("Disarmed by landing")
             return
-        self.begin(
+        self.flight.begin(
             ReturnHome(
                 self.airframe,
                 self.base_limits(),
@@ -395,10 +353,6 @@ class Px4Vehicle(SimulatedVehicle):
                 self.parameters["RTL_RETURN_ALT"],
             )
         )
-
-    def fly_to(self, target_m: Array, yaw_rad: float | None) -> None:
-        """Fly straight to a place of the mission."""
-        self.begin(GoTo(self.airframe, target_m, yaw_rad))
 
     def return_from_mission(self) -> None:
         """A return item is, as on the real one, a change to the return mode."""
@@ -435,15 +389,13 @@ class Px4Vehicle(SimulatedVehicle):
     def _tick(self) -> None:
         if not self.armed:
             return
-        self._watch_battery()
-        self._watch_fence()
-        self._watch_station_loss()
+        self._failsafes.tick()
         if self.mode is Mode.MISSION and self._mission_is_flyable():
             self.run.tick(LOGIC_S)
         elif self.mode is Mode.OFFBOARD or self._intended is Mode.OFFBOARD:
             self._follow_stream()
-        elif self.run_task(LOGIC_S):
-            if self._landed:
+        elif self.flight.run(LOGIC_S):
+            if self.flight.landed:
                 self.say_info("Landing detected")
                 self.disarm("Disarmed by landing")
             elif self.mode is Mode.TAKEOFF:
@@ -487,19 +439,19 @@ class Px4Vehicle(SimulatedVehicle):
         lost = self.time_s - self._setpoint_s >= self.parameters["COM_OF_LOSS_T"]
         if lost and self.mode is Mode.OFFBOARD:
             self.say(mavlink.MAV_SEVERITY_CRITICAL, "Failsafe activated")
-            self._failsafe = "offboard loss"
+            self.failsafe = "offboard loss"
             action = int(self.parameters["COM_OBL_RC_ACT"])
             mode = {0: Mode.POSCTL, 1: Mode.ALTCTL, 2: Mode.STABILIZED, 3: Mode.RTL, 4: Mode.LAND}.get(action)
             self._enter(Mode.LOITER if mode is None else mode)
-            if self.mode in _PILOT_MODES and self.armed and not self._landed:
-                self.begin(Sink(self.airframe, self.base_limits(), _SINK_M_S))
-        elif not lost and self.mode is not Mode.OFFBOARD and self._failsafe == "offboard loss":
-            self._failsafe = None
+            if self.mode in PILOT_MODES and self.armed and not self.flight.landed:
+                self.flight.begin(Sink(self.airframe, self.base_limits(), _SINK_M_S))
+        elif not lost and self.mode is not Mode.OFFBOARD and self.failsafe == "offboard loss":
+            self.failsafe = None
             self._enter(Mode.OFFBOARD)
         if self.mode is Mode.OFFBOARD:
             if not self.airframe.running and self._setpoint is not None:
                 self._apply_setpoint(self._setpoint)
-        elif self.run_task(LOGIC_S) and self._landed:
+        elif self.flight.run(LOGIC_S) and self.flight.landed:
             self.say_info("Landing detected")
             self.disarm("Disarmed by landing")
 
@@ -510,66 +462,24 @@ class Px4Vehicle(SimulatedVehicle):
 
     def _on_station_lost(self) -> None:
         self.say(mavlink.MAV_SEVERITY_WARNING, "Connection to ground control lost")
-        if self.in_air and int(self.parameters["NAV_DLL_ACT"]) > 0:
-            self._station_lost_s = self.wall_s
+        self._failsafes.station_lost()
 
-    def _watch_station_loss(self) -> None:
-        """Warn for COM_FAIL_ACT_T (in hold, wall time), then act."""
-        if self._station_lost_s is None:
-            return
-        if not self.station_lost:
-            if self._failsafe == "ground station loss" and self.mode is Mode.LOITER:
-                self._failsafe = None
-                self._enter(self._intended)
-            self._station_lost_s = None
-            return
-        if self._failsafe is None:
-            self._failsafe = "ground station loss"
-            self.say(mavlink.MAV_SEVERITY_CRITICAL, "Failsafe activated")
-            self._enter(Mode.LOITER)
-        elif (
-            self._failsafe == "ground station loss"
-            and self.mode is Mode.LOITER
-            and self.wall_s - self._station_lost_s >= self.parameters["COM_FAIL_ACT_T"]
-        ):
-            action = int(self.parameters["NAV_DLL_ACT"])
-            mode = {2: Mode.RTL, 3: Mode.LAND}.get(action)
-            if mode is not None:
-                self._intended = mode
-                self._enter(mode)
-
-    def _watch_battery(self) -> None:
-        remaining = self.airframe.battery.remaining
-        p = self.parameters
-        stage = sum(remaining < p[name] for name in ("BAT_LOW_THR", "BAT_CRIT_THR", "BAT_EMERGEN_THR"))
-        if stage <= self._battery_stage or not self.in_air:
-            return
-        self._battery_stage = stage
-        self.say(mavlink.MAV_SEVERITY_CRITICAL, ("Low battery", "Critical battery", "Battery empty")[stage - 1])
-        action = int(p["COM_LOW_BAT_ACT"])
-        if stage == 3 and action in {2, 3}:
-            self._fail_to(Mode.LAND, "battery")
-        elif stage == 2 and action in {1, 3}:
-            self._fail_to(Mode.RTL, "battery")
-        elif stage == 2 and action == 2:
-            self._fail_to(Mode.LAND, "battery")
-
-    def _watch_fence(self) -> None:
-        if not self.in_air or self._failsafe == "fence":
-            return
-        way = self.airframe.position_m - self.home_m
-        far, high = self.parameters["GF_MAX_HOR_DIST"], self.parameters["GF_MAX_VER_DIST"]
-        if not ((far > 0.0 and np.hypot(way[0], way[1]) > far) or (high > 0.0 and way[2] > high)):
-            return
-        action = int(self.parameters["GF_ACTION"])
-        mode = {2: Mode.LOITER, 3: Mode.RTL, 5: Mode.LAND}.get(action)
-        if mode is not None:
-            self._fail_to(mode, "fence")
-
-    def _fail_to(self, mode: Mode, reason: str) -> None:
+    def fail_to(self, mode: Mode, reason: str) -> None:
+        """A failsafe takes the vehicle into another mode for good."""
         if self.mode is mode:
             return
         self.say(mavlink.MAV_SEVERITY_CRITICAL, "Failsafe activated")
-        self._failsafe = reason
+        self.failsafe = reason
         self._intended = mode
         self._enter(mode)
+
+    def hold_in_failsafe(self, reason: str) -> None:
+        """A failsafe holds the vehicle before it acts; the mode that was wanted is not forgotten."""
+        self.say(mavlink.MAV_SEVERITY_CRITICAL, "Failsafe activated")
+        self.failsafe = reason
+        self._enter(Mode.LOITER)
+
+    def end_failsafe(self) -> None:
+        """The reason has gone: back to the mode that was wanted."""
+        self.failsafe = None
+        self._enter(self._intended)

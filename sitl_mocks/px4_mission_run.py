@@ -96,7 +96,7 @@ class Px4MissionRun:
             self._tell_reached(self._reached)
         if self._active is None:
             return  # the item changed the mode
-        task_done = vehicle.run_task(dt_s)
+        task_done = vehicle.flight.run(dt_s)
         if vehicle.replanner.on_detour:
             return
         item = self.mission[self.current]
@@ -112,18 +112,18 @@ class Px4MissionRun:
         if item.command == items.TAKEOFF:
             up = float(self._place(item)[2])
             vehicle.say_info(f"Climb to {up - vehicle.home_m[2]:.1f} meters above home")
-            vehicle.take_off_to(up)
+            vehicle.flight.take_off_to(up)
         elif item.command in _PLACES:
             target = self._place(item)
-            if vehicle.landed:
+            if vehicle.flight.landed:
                 # Without a take-off item PX4 climbs first.
                 height = max(float(target[2]), float(vehicle.home_m[2]) + vehicle.parameters["MIS_TAKEOFF_ALT"])
-                vehicle.take_off_to(height)
+                vehicle.flight.take_off_to(height)
             else:
-                vehicle.fly_to(target, self._yaw(item, target))
+                vehicle.flight.fly_to(target, self._yaw(item, target))
         elif item.command == items.LAND:
             target = self._place(item) if item.x or item.y else airframe.target_m
-            vehicle.begin(Land(airframe, vehicle.base_limits(), vehicle.descent(), target))
+            vehicle.flight.begin(Land(airframe, vehicle.base_limits(), vehicle.descent(), target))
         elif item.command == items.RETURN:
             self.complete = self.current == len(self.mission) - 1
             self._tell_reached(self.current)
@@ -138,7 +138,7 @@ class Px4MissionRun:
             if self._since_s is None:
                 self._since_s = vehicle.time_s
                 if item.x or item.y:
-                    vehicle.fly_to(target, self._yaw(item, target))
+                    vehicle.flight.fly_to(target, self._yaw(item, target))
             return not (item.x or item.y) or self._near(target, item)
         if item.command in _PLACES:
             return self._stayed(item, task_done)
@@ -153,7 +153,7 @@ class Px4MissionRun:
         vehicle = self._vehicle
         target = self._place(item)
         if task_done and self._since_s is None and np.linalg.norm(vehicle.airframe.target_m - target) > 0.01:
-            vehicle.fly_to(target, self._yaw(item, target))  # the climb without a take-off item is done
+            vehicle.flight.fly_to(target, self._yaw(item, target))  # the climb without a take-off item is done
         if self._since_s is None:
             yaw = self._yaw(item, target) if math.isfinite(item.params[3]) else None
             off = 0.0 if yaw is None else abs(wrap_angle(vehicle.airframe.yaw_rad - yaw))
@@ -175,15 +175,23 @@ class Px4MissionRun:
         altitude = item.z + (self._vehicle.home.altitude_m if item.frame in _RELATIVE_FRAMES else 0.0)
         if item.command in {items.TAKEOFF, items.LAND} and not (item.x or item.y):
             x, y, _ = self._vehicle.airframe.position_m
-            return np.array([x, y, self._vehicle.frame.scene_e7(
-                round(self._vehicle.home.latitude_deg * 1e7), round(self._vehicle.home.longitude_deg * 1e7), altitude
-            )[2]])
+            return np.array(
+                [
+                    x,
+                    y,
+                    self._vehicle.frame.scene_e7(
+                        round(self._vehicle.home.latitude_deg * 1e7),
+                        round(self._vehicle.home.longitude_deg * 1e7),
+                        altitude,
+                    )[2],
+                ]
+            )
         return self._vehicle.frame.scene_e7(item.x, item.y, altitude)
 
     def _yaw(self, item: StoredItem, target: Array) -> float | None:
         if math.isfinite(item.params[3]):
             return yaw_from_heading(math.radians(item.params[3]))
-        return self._vehicle.facing(target)
+        return self._vehicle.flight.facing(target)
 
     def _advance(self) -> None:
         """Go to the next item with a place or a duration; what lies between is done now."""
@@ -224,4 +232,3 @@ class Px4MissionRun:
         self._reached = sequence
         self._told_s = self._vehicle.time_s
         self._vehicle.tell_item_reached(sequence)
-

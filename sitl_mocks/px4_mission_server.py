@@ -61,7 +61,7 @@ class Px4MissionServer(MissionServer):
             self._acknowledge(NO_SPACE, peer, send)
             return
         if message.count == 0:
-            self._clear()
+            self.clear()
             self._acknowledge(ACCEPTED, peer, send)
             return
         self._arriving = []
@@ -129,5 +129,5 @@ class Px4MissionServer(MissionServer):
         if self.upload is not None:
             self._acknowledge(ERROR, peer, send)
             return
-        self._clear()
+        self.clear()
         self._acknowledge(ACCEPTED, peer, send)

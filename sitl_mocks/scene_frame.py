@@ -44,10 +44,10 @@ class SceneFrame:
 
     def scene_from_local_ned(self, north_m: float, east_m: float, down_m: float) -> Array:
         """Scene ENU of a point in the vehicle's local frame."""
-        return self.origin_m + np.array([east_m, north_m, -down_m])
+        point: Array = self.origin_m + np.array([east_m, north_m, -down_m])
+        return point
 
 
 def e7(degrees: float) -> int:
     """Degrees as MAVLink's 1e-7 degrees."""
     return round(degrees * 1e7)
-

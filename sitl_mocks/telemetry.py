@@ -117,9 +117,7 @@ class Telemetry:
     def _gps_raw_int(self) -> Message:
         vehicle = self._vehicle
         if not vehicle.has_position:
-            return mavlink.MAVLink_gps_raw_int_message(
-                round(vehicle.time_s * 1e6), 0, 0, 0, 0, 65535, 65535, 0, 0, 0
-            )
+            return mavlink.MAVLink_gps_raw_int_message(round(vehicle.time_s * 1e6), 0, 0, 0, 0, 65535, 65535, 0, 0, 0)
         place = vehicle.frame.geo(self._measured_position())
         vx, vy, _ = self._measured_velocity()
         course = math.degrees(math.atan2(vx, vy)) % 360.0
@@ -226,7 +224,7 @@ class Telemetry:
         )
 
     def _extended_sys_state(self) -> Message:
-        return mavlink.MAVLink_extended_sys_state_message(0, self._vehicle.landed_state)
+        return mavlink.MAVLink_extended_sys_state_message(0, self._vehicle.flight.landed_state)
 
     def _mission_current(self) -> Message:
         return mavlink.MAVLink_mission_current_message(*self._vehicle.mission_current())

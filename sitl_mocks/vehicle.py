@@ -11,13 +11,7 @@ import math
 import os
 from abc import ABC, abstractmethod
 from collections.abc import Callable
-from concurrent.futures import Future
-from dataclasses import dataclass, field
-from typing import Any
 
-import numpy as np
-
-from gcs.core.frames import GeoPoint
 from sitl_mocks.airframe import Airframe, FlightLimits
 from sitl_mocks.camera import Camera, CameraFolder
 from sitl_mocks.channel import Channel, Stream
@@ -31,64 +25,22 @@ from sitl_mocks.commands import (
 )
 from sitl_mocks.dialect import AUTOPILOT_COMPONENT, CAMERA_COMPONENT, Message, mavlink
 from sitl_mocks.file_server import FileServer
+from sitl_mocks.flight_control import FlightControl
 from sitl_mocks.flight_kernel import STEP_S
-from sitl_mocks.flight_tasks import FlightTask, Hold, Land, ReturnHome, Sink, TakeOff
 from sitl_mocks.gimbal import Gimbal
 from sitl_mocks.mission_server import MissionServer
 from sitl_mocks.parameters import ParameterServer
 from sitl_mocks.picture import Exposure
 from sitl_mocks.replanning import Replanner
-from sitl_mocks.scene_frame import Array, SceneFrame
+from sitl_mocks.scene_frame import SceneFrame
 from sitl_mocks.setpoints import Setpoint, setpoint_of_message
 from sitl_mocks.telemetry import Telemetry
+from sitl_mocks.vehicle_options import Counters, VehicleOptions
 
 LOGIC_STEPS = 5
 LOGIC_S = LOGIC_STEPS * STEP_S
 
-ON_GROUND, IN_AIR, TAKING_OFF, LANDING = 1, 2, 3, 4
 STANDBY, ACTIVE, CRITICAL = 3, 4, 5
-
-
-@dataclass(frozen=True)
-class VehicleOptions:
-    """How a vehicle is set up.
-
-    Attributes:
-        system_id: MAVLink system id.
-        anchor: origin of the scene.
-        home: where it stands at the start.
-        draw: draws pictures, in the background or at once.
-        seed: of the sensor noise.
-        parameters: overrides by name.
-        uid: hardware id, at most 18 bytes.
-        battery_wh: capacity.
-        wind_m_s: velocity of the air, ENU.
-        replan: leave the path once, upward, and report it.
-        unix_start_s: UTC at the start of the vehicle's clock.
-    """
-
-    system_id: int
-    anchor: GeoPoint
-    home: GeoPoint
-    draw: Callable[[Exposure], Future[bytes]]
-    seed: int = 0
-    parameters: tuple[tuple[str, float], ...] = ()
-    uid: bytes = b""
-    battery_wh: float = 130.0
-    wind_m_s: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    replan: bool = False
-    unix_start_s: float = 1_790_000_000.0
-
-
-@dataclass
-class Counters:
-    """What tests may want to know of what came in."""
-
-    setpoints: int = 0
-    setpoints_in_offboard: int = 0
-    forced_arms: int = 0
-    commands: dict[int, int] = field(default_factory=dict)
-    last_setpoint_wall_s: float | None = None
 
 
 class SimulatedVehicle(ABC):
@@ -105,6 +57,8 @@ class SimulatedVehicle(ABC):
     gps_fix = 3
     ready_after_s: float
     """Wall time from the start until it can be armed."""
+    announces_captures = True
+    """Whether the camera component tells of its files."""
 
     def __init__(self, options: VehicleOptions) -> None:
         self.options = options
@@ -121,6 +75,7 @@ class SimulatedVehicle(ABC):
         self.airframe = Airframe(
             self.home_m, self.base_limits(), wind_m_s=options.wind_m_s, battery_wh=options.battery_wh
         )
+        self.flight = FlightControl(self.airframe, self.base_limits)
         self.gimbal = Gimbal()
         self.folder = CameraFolder()
         self.camera = Camera(
@@ -128,7 +83,7 @@ class SimulatedVehicle(ABC):
             draw=options.draw,
             folder=self.folder,
             boot_ms=lambda: self.boot_ms,
-            announce=lambda message: self.broadcast(message, CAMERA_COMPONENT),
+            announce=self._announce_picture,
             taken=self._picture_taken,
         )
         self.files = FileServer(self.folder)
@@ -142,9 +97,6 @@ class SimulatedVehicle(ABC):
         self._start_wall_s: float | None = None
         self._debt_s = 0.0
         self.armed = False
-        self.task: FlightTask | None = None
-        self._landed = True
-        self._taking_off = False
         self._station_heard_s: float | None = None
         self.station_lost = False
         self._camera_heartbeat_s = -math.inf
@@ -255,7 +207,7 @@ class SimulatedVehicle(ABC):
             self.airframe.step(LOGIC_STEPS)
             self.time_s += LOGIC_S
             self.gimbal.step(LOGIC_S)
-            self._watch_ground()
+            self.flight.watch_ground()
             self._tick()
             self.replanner.tick(LOGIC_S)
             self.camera.step(self.time_s)
@@ -265,10 +217,6 @@ class SimulatedVehicle(ABC):
         self.replanner.resend(wall_s)
         self._watch_station(wall_s)
         self._send_streams(wall_s)
-
-    def _watch_ground(self) -> None:
-        if self.airframe.height_m > 0.3:
-            self._landed = False
 
     def _watch_station(self, wall_s: float) -> None:
         if self._station_heard_s is None:
@@ -385,12 +333,17 @@ class SimulatedVehicle(ABC):
 
     def _request_data_stream(self, message: Message, channel: Channel) -> None:
         """Old way to ask for groups of messages; by default unknown."""
+        del message, channel
 
     def _handle_command(self, message: Message, channel: Channel, component: int) -> None:
         command = command_of_message(message)
         self.counters.commands[command.number] = self.counters.commands.get(command.number, 0) + 1
         if component == CAMERA_COMPONENT:
-            answering, result = CAMERA_COMPONENT, self.run_camera_command(command, channel)
+
+            def reply(message: Message) -> None:
+                channel.send(message, CAMERA_COMPONENT)
+
+            answering, result = CAMERA_COMPONENT, self.camera.run_command(command, self.time_s, reply)
         elif component in {0, AUTOPILOT_COMPONENT}:
             answering = AUTOPILOT_COMPONENT
             handler = self._commands.get(command.number)
@@ -443,7 +396,7 @@ class SimulatedVehicle(ABC):
                 return self._arming_refused_result()
             self.arm()
             return ACCEPTED
-        if self.armed and not self._landed and not forced:
+        if self.armed and not self.flight.landed and not forced:
             return self._arming_refused_result()
         if self.armed:
             self.disarm("Disarmed by external command")
@@ -452,21 +405,17 @@ class SimulatedVehicle(ABC):
     def arm(self) -> None:
         """Start a flight: home is here, the motors may run."""
         self.armed = True
-        self._landed = True
+        self.flight.landed = True
         self.camera.forget_sequence()
         self.home_m = self.airframe.position_m
         self.home = self.frame.geo(self.home_m)
-        self._refresh_limits()
+        self.flight.refresh_limits()
 
     def disarm(self, text: str) -> None:
         """End a flight."""
         self.armed = False
-        self.task = None
-        self._taking_off = False
-        self._landed = self.airframe.on_ground
-        self.airframe.cut_motors()
         self._speed_overrides.clear()
-        self._refresh_limits()
+        self.flight.reset()
         self.say(mavlink.MAV_SEVERITY_INFO, text)
         self._after_disarm()
 
@@ -520,59 +469,13 @@ class SimulatedVehicle(ABC):
             return DENIED
         if speed > 0.0:
             self._speed_overrides[max(kind, 1)] = speed
-            self._refresh_limits()
+            self.flight.refresh_limits()
         return ACCEPTED
 
     def point_gimbal(self, command: Command) -> int:
         """DO_GIMBAL_MANAGER_PITCHYAW and DO_MOUNT_CONTROL: pitch in degrees; NaN leaves it as it is."""
         self.gimbal.point(math.radians(command.params[0]))
         return ACCEPTED
-
-    def run_camera_command(self, command: Command, channel: Channel | None) -> int:
-        """A command for the camera component."""
-        m = mavlink
-        number = command.number
-        if number == m.MAV_CMD_IMAGE_START_CAPTURE:
-            sequence = command.params[3]
-            count = int(sequence) if math.isfinite(sequence) else 0
-            return self.camera.start_capture(command.params[1], int(command.params[2]), count, self.time_s)
-        if number == m.MAV_CMD_IMAGE_STOP_CAPTURE:
-            self.camera.stop_capture()
-            return ACCEPTED
-        if number == m.MAV_CMD_SET_CAMERA_MODE:
-            return ACCEPTED if int(command.params[1]) == m.CAMERA_MODE_IMAGE else UNSUPPORTED
-        old_requests = {
-            m.MAV_CMD_REQUEST_CAMERA_INFORMATION: m.MAVLINK_MSG_ID_CAMERA_INFORMATION,
-            m.MAV_CMD_REQUEST_CAMERA_SETTINGS: m.MAVLINK_MSG_ID_CAMERA_SETTINGS,
-            m.MAV_CMD_REQUEST_STORAGE_INFORMATION: m.MAVLINK_MSG_ID_STORAGE_INFORMATION,
-            m.MAV_CMD_REQUEST_CAMERA_CAPTURE_STATUS: m.MAVLINK_MSG_ID_CAMERA_CAPTURE_STATUS,
-        }
-        if number == m.MAV_CMD_REQUEST_MESSAGE:
-            message_id = int(command.params[0])
-        elif number in old_requests:
-            message_id = old_requests[number]
-        else:
-            return UNSUPPORTED
-        message = self._camera_message(message_id, command.params[1])
-        if message is None:
-            return DENIED if message_id == m.MAVLINK_MSG_ID_CAMERA_IMAGE_CAPTURED else UNSUPPORTED
-        if channel is not None:
-            channel.send(message, CAMERA_COMPONENT)
-        return ACCEPTED
-
-    def _camera_message(self, message_id: int, index: float) -> Message | None:
-        m = mavlink
-        if message_id == m.MAVLINK_MSG_ID_CAMERA_INFORMATION:
-            return self.camera.information_message()
-        if message_id == m.MAVLINK_MSG_ID_CAMERA_SETTINGS:
-            return self.camera.settings_message()
-        if message_id == m.MAVLINK_MSG_ID_STORAGE_INFORMATION:
-            return self.camera.storage_message()
-        if message_id == m.MAVLINK_MSG_ID_CAMERA_CAPTURE_STATUS:
-            return self.camera.status_message()
-        if message_id == m.MAVLINK_MSG_ID_CAMERA_IMAGE_CAPTURED and math.isfinite(index):
-            return self.camera.captured_message(int(index))
-        return None
 
     # Flight ----------------------------------------------------------------------------------------------------------
 
@@ -587,61 +490,13 @@ class SimulatedVehicle(ABC):
         return self.armed or self._arming_refusal() is None
 
     @property
-    def landed_state(self) -> int:
-        """MAV_LANDED_STATE."""
-        if self._landed:
-            return ON_GROUND
-        if self._taking_off:
-            return TAKING_OFF
-        return LANDING if isinstance(self.task, Land | Sink) else IN_AIR
-
-    @property
     def in_air(self) -> bool:
         """Whether it has left the ground."""
-        return self.armed and not self._landed
-
-    def begin(self, task: FlightTask, *, taking_off: bool = False) -> None:
-        """Be busy with something else from now on."""
-        self._refresh_limits()
-        self._taking_off = taking_off
-        self.task = task
-        task.begin()
-
-    def hold(self) -> None:
-        """Brake and stay; on the ground wait with idle motors."""
-        if self._landed:
-            self.task = None
-            self.airframe.cut_motors()
-        else:
-            self.begin(Hold(self.airframe))
-
-    def take_off_to(self, up_m: float) -> TakeOff:
-        """Climb straight up to a height of the scene."""
-        task = TakeOff(self.airframe, up_m)
-        self.begin(task, taking_off=True)
-        return task
-
-    def run_task(self, dt_s: float) -> bool:
-        """Go on with the present task; True when it has just been done."""
-        if self.task is None or not self.task.tick(dt_s):
-            return False
-        if isinstance(self.task, Land | ReturnHome | Sink):
-            self._landed = True
-            self.airframe.cut_motors()
-        self._taking_off = False
-        return True
-
-    def _refresh_limits(self) -> None:
-        self.airframe.set_limits(self.base_limits())
+        return self.armed and not self.flight.landed
 
     def override_speed(self, kind: int, default_m_s: float, most_m_s: float = math.inf) -> float:
         """A speed that DO_CHANGE_SPEED may have changed, within the autopilot's own limit."""
         return min(self._speed_overrides.get(kind, default_m_s), most_m_s)
-
-    def facing(self, target_m: Array) -> float | None:
-        """Yaw toward a point; None when it is straight above or below."""
-        way = target_m[:2] - self.airframe.target_m[:2] if self.airframe.running else target_m[:2] - self.home_m[:2]
-        return math.atan2(way[1], way[0]) if float(np.hypot(*way)) > 1.0 else None
 
     # Camera ----------------------------------------------------------------------------------------------------------
 
@@ -660,40 +515,14 @@ class SimulatedVehicle(ABC):
             unix_s=self.unix_s,
         )
 
+    def camera_command(self, command: Command) -> int:
+        """What the autopilot itself passes on to its camera."""
+        return self.camera.run_command(command, self.time_s, lambda _: None)
+
     def _picture_taken(self, exposure: Exposure) -> None:
         """Told at each exposure."""
+        del exposure
 
-    # For tests -------------------------------------------------------------------------------------------------------
-
-    def state(self) -> dict[str, Any]:
-        """The truth, for whoever checks a flight from outside."""
-        return {
-            "system_id": self.system_id,
-            "autopilot": self.kind,
-            "time_s": round(self.time_s, 3),
-            "armed": self.armed,
-            "mode": self.mode_name(),
-            "landed_state": self.landed_state,
-            "position_m": [round(float(c), 4) for c in self.airframe.position_m],
-            "velocity_m_s": [round(float(c), 4) for c in self.airframe.velocity_m_s],
-            "yaw_rad": round(self.airframe.yaw_rad, 5),
-            "gimbal_pitch_rad": round(self.gimbal.pitch_rad, 5),
-            "battery": round(self.airframe.battery.remaining, 4),
-            "home": [self.home.latitude_deg, self.home.longitude_deg, self.home.altitude_m],
-            "mission_items": len(self.missions.items),
-            "mission_current": self.mission_current()[0],
-            "mission_state": self.mission_current()[2],
-            "images": sorted(self.folder.files),
-            "captures": len(self.camera.shots),
-            "setpoints": self.counters.setpoints,
-            "setpoints_in_offboard": self.counters.setpoints_in_offboard,
-            "seconds_since_setpoint": (
-                None
-                if self.counters.last_setpoint_wall_s is None
-                else round(self.wall_s - self.counters.last_setpoint_wall_s, 3)
-            ),
-            "forced_arms": self.counters.forced_arms,
-            "commands": {str(number): count for number, count in sorted(self.counters.commands.items())},
-            "station_lost": self.station_lost,
-            "replan": self.replanner.state(),
-        }
+    def _announce_picture(self, message: Message | None) -> None:
+        if self.announces_captures:
+            self.broadcast(message, CAMERA_COMPONENT)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import AsyncIterator, Callable
+from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from typing import Any
 
@@ -21,11 +21,8 @@ from gcs.api.schemas.base import Problem
 from gcs.api.schemas.live import LiveMessage
 from gcs.api.session_token import session_token
 from gcs.api.settings import StationSettings
-from gcs.core.errors import GcsError
 from gcs.services.station import StationServices
 from gcs.storage.data_directory import make_data_directory
-
-ServicesFactory = Callable[[StationSettings], StationServices]
 
 
 def default_services(settings: StationSettings) -> StationServices:
@@ -33,35 +30,25 @@ def default_services(settings: StationSettings) -> StationServices:
     return StationServices(settings.data_dir, links=settings.links)
 
 
-def create_app(
-    settings: StationSettings,
-    *,
-    services: ServicesFactory = default_services,
-    on_failure: Callable[[GcsError], None] | None = None,
-) -> FastAPI:
-    """Build the application; services are opened with its lifespan and closed with it.
+def create_app(settings: StationSettings, services: StationServices | None = None) -> FastAPI:
+    """Build the application.
+
+    Its lifespan opens and closes the services; a server that opens them itself runs it without lifespan.
 
     Args:
         settings: of the station. `port` must be the one that it really listens on.
-        services: makes the services; tests put others in.
-        on_failure: told why the services could not be opened; the ASGI server then ends without a stack trace.
+        services: what the routes work with; those of a real station by default.
 
     Raises:
         StorageError: the data directory cannot be used.
     """
+    used = services or default_services(settings)
 
     @asynccontextmanager
     async def lifespan(app: FastAPI) -> AsyncIterator[None]:
-        running = services(settings)
-        app.state.services = running
-        try:
-            async with running.running(live.render_live):
-                yield
-        except GcsError as error:
-            if on_failure is None:
-                raise
-            on_failure(error)
-            raise SystemExit(error.exit_status) from None
+        del app
+        async with used.running(live.render_live):
+            yield
 
     make_data_directory(settings.data_dir)
     token = session_token(settings.data_dir)
@@ -74,6 +61,7 @@ def create_app(
         redoc_url=None,
         openapi_url="/api/openapi.json",
     )
+    app.state.services = used
     add_problem_handlers(app)
     for group in (status, structures, plans, vehicles, flights, images):
         app.include_router(group.router, prefix="/api", responses={"default": {"model": Problem}})

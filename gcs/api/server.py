@@ -11,8 +11,9 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from gcs.api.session_token import session_token
 from gcs.api.settings import StationSettings
-from gcs.core.errors import GcsError, InputError
+from gcs.core.errors import InputError
 from gcs.storage.data_directory import default_data_directory
 
 if TYPE_CHECKING:
@@ -69,33 +70,28 @@ async def run_station(
     """
     import uvicorn
 
-    from gcs.api.app import create_app
+    from gcs.api.app import create_app, default_services
+    from gcs.api.live import render_live
 
-    taken = listening_socket(settings.host, settings.port)
-    try:
+    with listening_socket(settings.host, settings.port) as taken:
         settings = replace(settings, port=taken.getsockname()[1])
-        failure: list[GcsError] = []
-        app = create_app(settings, on_failure=failure.append)
-        config = uvicorn.Config(
-            app,
-            log_level="warning",
-            lifespan="on",
-            server_header=False,
-            ws_max_size=1 << 16,
-            timeout_graceful_shutdown=SHUTDOWN_TIMEOUT_S,
-        )
-        server = uvicorn.Server(config)
-        watching = asyncio.create_task(_watch(server, lambda: ready(settings), stop))
-        try:
-            await server.serve(sockets=[taken])
-        finally:
-            watching.cancel()
-            with suppress(asyncio.CancelledError):
-                await watching
-        if failure:
-            raise failure[0]
-    finally:
-        taken.close()
+        services = default_services(settings)
+        async with services.running(render_live):
+            config = uvicorn.Config(
+                create_app(settings, services),
+                log_level="warning",
+                lifespan="off",
+                server_header=False,
+                ws_max_size=1 << 16,
+                timeout_graceful_shutdown=SHUTDOWN_TIMEOUT_S,
+            )
+            server = uvicorn.Server(config)
+            watching = asyncio.create_task(_watch(server, lambda: ready(settings), stop))
+            try:
+                await server.serve(sockets=[taken])
+            finally:
+                watching.cancel()
+                await asyncio.gather(watching, return_exceptions=True)
 
 
 async def _watch(server: uvicorn.Server, ready: Callable[[], None], stop: asyncio.Event | None) -> None:
@@ -134,7 +130,7 @@ def announce(settings: StationSettings) -> None:
     lines = [
         f"gcs is ready: {settings.url}",
         f"data: {settings.data_dir}",
-        f"scripts: Authorization: Bearer $(cat {settings.data_dir / 'token'})",
+        f"token for scripts and other machines: {session_token(settings.data_dir)}",
     ]
     if not settings.is_loopback:
         lines.append(

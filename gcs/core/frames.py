@@ -49,7 +49,9 @@ def wrap_angle(angle_rad: float) -> float:
     return float(np.pi - (np.pi - angle_rad) % (2 * np.pi))
 
 
-def geodetic_from_enu(enu_m: ArrayLike, anchor: GeoPoint) -> tuple[NDArray[np.float64], ...]:
+def geodetic_from_enu(
+    enu_m: ArrayLike, anchor: GeoPoint
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
     """Latitude (deg), longitude (deg) and altitude (m) of scene points.
 
     Args:

@@ -34,6 +34,10 @@ class Command(IntEnum):
     IMAGE_START_CAPTURE = 2000
 
 
+PLACE_COMMANDS = frozenset({16, 17, 18, 19, 21, 22, 30, 31, 80, 82, 84, 85, 92, 94, 179, 195, 201})
+"""Commands whose x, y, z are a place; of the others they are plain numbers, whatever the frame says."""
+
+
 @dataclass(frozen=True)
 class MissionItem:
     """One item of a mission in MISSION_ITEM_INT terms.

@@ -106,7 +106,7 @@ class PlanningJobs:
 
     def __init__(self, workers: int | None = None) -> None:
         self._workers = workers or (2 if (os.cpu_count() or 1) >= 4 else 1)
-        self._starting = asyncio.Lock()
+        self._starting: asyncio.Task[None] | None = None
         self._cluster: LocalCluster | None = None
         self._client: Client | None = None
         self._futures: dict[str, Future] = {}
@@ -164,20 +164,22 @@ class PlanningJobs:
 
     async def close(self) -> None:
         """End the worker processes; jobs that are running end with them."""
-        async with self._starting:
-            client, cluster = self._client, self._cluster
-            self._client = self._cluster = None
-            if client is not None:
-                await asyncio.to_thread(client.close, CLOSE_TIMEOUT_S)
-            if cluster is not None:
-                await asyncio.to_thread(cluster.close, CLOSE_TIMEOUT_S)
+        if self._starting is not None:
+            await asyncio.wait({self._starting})
+        client, cluster = self._client, self._cluster
+        self._starting = self._client = self._cluster = None
+        if client is not None:
+            await asyncio.to_thread(client.close, CLOSE_TIMEOUT_S)
+        if cluster is not None:
+            await asyncio.to_thread(cluster.close, CLOSE_TIMEOUT_S)
 
     async def _started(self) -> Client:
-        async with self._starting:
-            if self._client is None:
-                await asyncio.to_thread(self._start)
-            assert self._client is not None
-            return self._client
+        if self._starting is None:
+            self._starting = asyncio.create_task(asyncio.to_thread(self._start))
+        # A job that is given up in the meantime does not stop the start, so that `close` finds all of it.
+        await asyncio.shield(self._starting)
+        assert self._client is not None
+        return self._client
 
     def _start(self) -> None:
         import dask

@@ -17,16 +17,22 @@ class CameraWatch:
     """Follows the camera of one vehicle.
 
     A camera component's pictures are numbered, so lost announcements are noticed and asked for again; how many it took
-    in all is asked every `ASK_EVERY_S`, so that the loss of the last one is noticed too. An autopilot that announces
-    pictures itself (CAMERA_FEEDBACK) cannot be asked.
+    in all is asked every `ASK_EVERY_S`, so that the loss of the last one is noticed too. Where the autopilot announces
+    pictures in the camera's stead (CAMERA_FEEDBACK) nothing is asked, as each would then be announced twice.
+
+    Args:
+        system_id: of the vehicle.
+        send: puts a message on the link.
+        asks: whether the camera announces its pictures itself and can be asked.
 
     Attributes:
         component: the camera's component id; None until it was heard.
     """
 
-    def __init__(self, system_id: int, send: Send) -> None:
+    def __init__(self, system_id: int, send: Send, *, asks: bool = True) -> None:
         self._system_id = system_id
         self._send = send
+        self._asks = asks
         self._gaps: ImageGaps | None = None
         self._asked_at = float("-inf")
         self.component: int | None = None
@@ -53,7 +59,7 @@ class CameraWatch:
 
     def on_time(self, now_s: float) -> None:
         """Ask for what is missing; to be called several times a second."""
-        if self.component is None:
+        if self.component is None or not self._asks:
             return
         for index in self._gaps.due(now_s) if self._gaps is not None else ():
             self._ask(mavlink.MAVLINK_MSG_ID_CAMERA_IMAGE_CAPTURED, index)

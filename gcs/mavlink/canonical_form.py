@@ -25,7 +25,7 @@ import struct
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-from gcs.core.mission import MissionItem, mission_crc32
+from gcs.core.mission import PLACE_COMMANDS, MissionItem, mission_crc32
 from gcs.core.vehicle import Autopilot
 
 _PLAIN_FRAME = {5: 0, 6: 3, 11: 10}
@@ -33,9 +33,6 @@ _INT_FRAME = {0: 5, 3: 6, 10: 11}
 _NAV_WAYPOINT = 16
 _YAW_COMMANDS_PX4 = frozenset({16, 21, 22, 84, 85})
 _ROI_PX4 = {80: 201, 201: 201}
-
-_ARDUPILOT_PLACES = frozenset({16, 17, 18, 19, 21, 22, 30, 31, 82, 84, 85, 92, 94, 179, 195, 201})
-"""Commands whose x, y, z are a place."""
 
 _ARDUPILOT_KEEPS: dict[int, str] = {
     16: "1xyz",
@@ -136,7 +133,7 @@ def _ardupilot(item: MissionItem) -> MissionItem:
     keeps = _ARDUPILOT_KEEPS.get(item.command)
     if keeps is None:
         return replace(item, frame=_PLAIN_FRAME.get(item.frame, item.frame), autocontinue=1)
-    place = item.command in _ARDUPILOT_PLACES
+    place = item.command in PLACE_COMMANDS
     if item.command in {_NAV_WAYPOINT, 21, 22, 82}:
         p1 = 0.0 if math.isnan(p1) else float(int(p1)) if math.isfinite(p1) else p1
     if item.command == 19 and p3 == 0.0:
@@ -174,7 +171,7 @@ def _differences(a: MissionItem, b: MissionItem, autopilot: Autopilot) -> list[s
     """Differences of two items in canonical form."""
     found = []
     yaw = autopilot is Autopilot.PX4 and a.command in _YAW_COMMANDS_PX4
-    z_tolerance = _CENTIMETRE_M if autopilot is Autopilot.ARDUPILOT and a.command in _ARDUPILOT_PLACES else 0.0
+    z_tolerance = _CENTIMETRE_M if autopilot is Autopilot.ARDUPILOT and a.command in PLACE_COMMANDS else 0.0
     pairs: list[tuple[str, float, float, float]] = [
         ("sequence", a.sequence, b.sequence, 0.0),
         ("command", a.command, b.command, 0.0),

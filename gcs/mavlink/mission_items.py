@@ -33,9 +33,6 @@ if TYPE_CHECKING:
 
     from gcs.core.plan import Plan, Viewpoint
 
-MAX_ITEMS = {Autopilot.PX4: 500, Autopilot.ARDUPILOT: 718}
-"""Items that usual hardware of a family stores; a vehicle may take more or fewer and says so itself."""
-
 _HOLD_S = 1.0
 _SETTLE_S = 1.0
 _YAW_RATE_DEG_S = 30.0
@@ -53,7 +50,8 @@ class MissionLimits:
     """What the vehicle can take; None where it does not say.
 
     Attributes:
-        max_items: most items it stores.
+        max_items: most items it stores (usual boards: PX4 500, ArduPilot 650 to 720). Without it the vehicle itself
+            refuses what is too much, and keeps its old mission.
         max_speed_m_s: horizontal speed.
         max_climb_m_s: upward speed.
         max_descent_m_s: downward speed.

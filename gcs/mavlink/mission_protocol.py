@@ -11,7 +11,7 @@ from enum import IntEnum
 from typing import TypeVar
 
 from gcs.core.errors import OperationCancelled
-from gcs.core.mission import MissionItem
+from gcs.core.mission import PLACE_COMMANDS, MissionItem
 from gcs.mavlink.dialect import Message, mavlink
 from gcs.mavlink.round_trip import RoundTrip
 from gcs.mavlink.transaction import Clock, Send, Transaction
@@ -125,7 +125,7 @@ def item_from_message(message: Message) -> MissionItem:
     """The item in a MISSION_ITEM_INT, or in an old MISSION_ITEM with degrees as floats."""
     x, y = message.x, message.y
     if message.get_type() == "MISSION_ITEM":
-        scale = 1e7 if message.frame in _GLOBAL_FRAMES else 1.0
+        scale = 1e7 if message.command in PLACE_COMMANDS and message.frame in _GLOBAL_FRAMES else 1.0
         x, y = (round(v * scale) if abs(v) < 1e9 else 0 for v in (x, y))
     return MissionItem(
         sequence=message.seq,

@@ -226,7 +226,7 @@ class MissionUpload(MissionTransaction[UploadOutcome]):
         words = result_words(code)
         if code == MissionResult.NO_SPACE:
             taken = f", it asked for {len(self._asked)} of them" if self._asked else ""
-            words = f"{words}: the mission has {count} items{taken}; split the plan or widen the chord error"
+            words = f"{words}: the mission has {count} items{taken}; usual boards store 500 to 700: split the plan"
         elif self._last_served is not None:
             words = f"{words} (item {self._last_served}, command {self._items[self._last_served].command})"
         kept = "; it may now hold a part of this mission: read it back" if self._asked else ""

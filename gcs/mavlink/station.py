@@ -26,7 +26,7 @@ log = logging.getLogger(__name__)
 
 TICK_S = 0.1
 ROUTE_KEPT_S = 1.5
-RATE_WINDOW_S = 5.0
+RATE_WINDOW_S = 2.0
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ import logging
 from collections.abc import Awaitable, Callable
 from typing import NoReturn
 
-from gcs.core.errors import ConflictError, GcsError, RefusedError
+from gcs.core.errors import ConflictError, GcsError, LinkError, RefusedError
 from gcs.core.vehicle import FlightMode, LandedState, VehicleIdentity
 from gcs.mavlink.autopilots.base import CommandCall
 from gcs.mavlink.command_protocol import CommandExchange
@@ -19,6 +19,7 @@ log = logging.getLogger(__name__)
 
 TEXT_AGE_S = 4.0
 TEXT_GRACE_S = 0.3
+READINESS_TOLD_S = 3.0
 WARNING = 4
 
 
@@ -46,6 +47,32 @@ class VehicleFlight(VehicleTransfers):
     async def arm(self) -> None:
         """Arm, without force."""
         await self._fly("arm", lambda control: control.arm_motors())
+
+    async def wait_ready_to_arm(self, timeout_s: float = 60.0) -> None:
+        """Go into the mode to arm in and wait until the vehicle's own checks pass.
+
+        A vehicle that does not tell whether they do is taken for ready: arming will show it.
+
+        Raises:
+            RefusedError: they do not pass in time; with the vehicle's words.
+        """
+        await self.set_mode(self._stack.arming_mode)
+        asked_at = self._now()
+
+        def ready() -> bool:
+            told = self.telemetry.ready_to_arm
+            if told is None:
+                return self._now() - asked_at > READINESS_TOLD_S
+            return told.at_s > asked_at and told.value
+
+        try:
+            await self.until(ready, timeout_s, "the vehicle to be ready to arm")
+        except LinkError as error:
+            if not self.connected:
+                raise
+            said = "; ".join(dict.fromkeys(text.text for text in self.recent_texts if text.severity <= WARNING))
+            words = f"its own checks do not pass after {timeout_s:g} s" + (f" ({said})" if said else "")
+            raise RefusedError(words, field=self.identity.name) from error
 
     async def disarm(self) -> None:
         """Disarm, without force: a flying vehicle refuses."""

@@ -79,7 +79,7 @@ class VehicleState:
         self._meter = SequenceMeter()
         self._texts = StatusTextAssembler()
         self._recent_texts: deque[tuple[float, StatusText]] = deque(maxlen=TEXTS_KEPT)
-        self._camera = CameraWatch(identity.system_id, channel.send)
+        self._camera = CameraWatch(identity.system_id, channel.send, asks=self._stack.camera_announces)
         self._reports = ReportAssembler()
         self._events: EventStream[VehicleEvent] = EventStream(events.newer_telemetry)
         self._tasks: set[asyncio.Task[None]] = set()

@@ -87,8 +87,8 @@ def require_battery(needed_wh: float, battery: Battery | None) -> None:
     usable = battery.capacity_wh * (1 - battery.reserve)
     if needed_wh > usable:
         raise InfeasibleError(
-            f"the flight needs {needed_wh:.0f} Wh, but {battery.capacity_wh:.0f} Wh less a reserve of "
-            f"{battery.reserve:.0%} leave {usable:.0f} Wh: inspect less in one flight (regions, fewer points, a "
+            f"the flight needs {needed_wh:.1f} Wh, but {battery.capacity_wh:g} Wh less a reserve of "
+            f"{battery.reserve:.0%} leave {usable:.1f} Wh: inspect less in one flight (regions, fewer points, a "
             "coarser GSD), fly faster, or take a larger battery",
             field="vehicle.battery",
         )

@@ -49,9 +49,9 @@ def _triangle_distance_squared(p: Floats, triangle: Floats) -> float:
         gamma = (uy * wz - uz * wy) * nx + (uz * wx - ux * wz) * ny + (ux * wy - uy * wx) * nz
         if beta >= 0.0 and gamma >= 0.0 and beta + gamma <= nn:
             h = wx * nx + wy * ny + wz * nz
-            return h * h / nn
+            return float(h * h / nn)
     edges = min(_segment_distance_squared(p, a, b), _segment_distance_squared(p, b, c))
-    return min(edges, _segment_distance_squared(p, c, a))
+    return float(min(edges, _segment_distance_squared(p, c, a)))
 
 
 @compiled

@@ -25,6 +25,10 @@ SMALLEST_MARGIN = 0.55
 """Sub-legs are cut so short that their margin is at least this share of the corridor's half-width."""
 
 
+SHORTEST = 0.2
+"""Corners nearer to each other than this share of the half-width become one: tiny pieces make stiff problems."""
+
+
 @dataclass(frozen=True, eq=False)
 class LegCorridor:
     """One leg from stop to stop, cut into segments, with the box of each.
@@ -62,7 +66,7 @@ def build_corridor(
     """Cut a leg into segments and box them.
 
     Args:
-        leg_m: polyline of the leg, shape (K, 3), K >= 2; repeated points are passed over.
+        leg_m: polyline of the leg, shape (K, 3), K >= 2; corners close together become one.
         half_width_m: of the corridor about the leg, on each axis.
         longest_m: longest sub-leg; it bounds what one polynomial has to do.
         column_at_start: the leg starts on the ground with a vertical take-off: slim boxes, never under the start.
@@ -74,16 +78,24 @@ def build_corridor(
     Raises:
         ValueError: the leg has no length.
     """
-    corners = leg_m[np.concatenate([[True], np.linalg.norm(np.diff(leg_m, axis=0), axis=1) > 1e-9])]
-    if len(corners) < 2:
+    last = len(leg_m) - 1
+    column_start = column_at_start and _is_vertical(leg_m[0], leg_m[1])
+    column_end = column_at_end and _is_vertical(leg_m[last - 1], leg_m[last])
+    fixed = {0, last} | ({1} if column_start else set()) | ({last - 1} if column_end else set())
+    merged_m = SHORTEST * half_width_m
+    kept = _merge_corners(leg_m, fixed, merged_m)
+    corners = leg_m[kept]
+    if len(corners) < 2 or np.linalg.norm(np.diff(corners, axis=0), axis=1).min() < 1e-9:
         raise ValueError("a leg needs two different points")
     joints, boxes = [corners[:1]], []
-    last = len(corners) - 2
     for index, (a, b) in enumerate(itertools.pairwise(corners)):
-        column = _is_vertical(a, b) and ((column_at_start and index == 0) or (column_at_end and index == last))
-        ends = _cut(a, b, half_width_m, longest_m)
+        column = (column_start and index == 0) or (column_end and index == len(corners) - 2)
+        # Where corners were merged, the straight leaves the leg by at most `merged_m`.
+        whole = kept[index + 1] - kept[index] == 1
+        reach = corridor_reach(half_width_m) - (0.0 if whole else merged_m)
+        ends = _cut(a, b, half_width_m, reach, longest_m)
         low, high = np.minimum(ends[:-1], ends[1:]), np.maximum(ends[:-1], ends[1:])
-        margin = np.full(3, _margin(np.abs(ends[1] - ends[0]), half_width_m))
+        margin = np.full(3, _margin(np.abs(ends[1] - ends[0]), half_width_m, reach))
         if column:
             margin[:2] = min(COLUMN_HALF_WIDTH_M, margin[0])
         low, high = low - margin, high + margin
@@ -94,15 +106,30 @@ def build_corridor(
     return LegCorridor(np.concatenate(joints), np.concatenate(boxes))
 
 
+def _merge_corners(leg_m: NDArray[np.float64], fixed: set[int], merged_m: float) -> list[int]:
+    """Indices of the corners that stay when corners nearer than `merged_m` to the one before become one with it."""
+    kept = [0]
+    for index in range(1, len(leg_m)):
+        near = math.dist(leg_m[index], leg_m[kept[-1]]) < merged_m
+        if near and index not in fixed:
+            continue
+        if near and kept[-1] not in fixed:
+            kept.pop()
+        kept.append(index)
+    return kept
+
+
 def _is_vertical(a: NDArray[np.float64], b: NDArray[np.float64]) -> bool:
     return bool(np.hypot(*(b - a)[:2]) < 1e-6)
 
 
-def _cut(a: NDArray[np.float64], b: NDArray[np.float64], half_width_m: float, longest_m: float) -> NDArray[np.float64]:
+def _cut(
+    a: NDArray[np.float64], b: NDArray[np.float64], half_width_m: float, reach: float, longest_m: float
+) -> NDArray[np.float64]:
     """Ends of equal sub-legs of a straight, shape (n + 1, 3), each short enough for its margin."""
     span = np.abs(b - a)
     count = max(1, math.ceil(float(np.linalg.norm(b - a)) / longest_m - 1e-9))
-    reach, margin = corridor_reach(half_width_m), SMALLEST_MARGIN * half_width_m
+    margin = SMALLEST_MARGIN * half_width_m
     too_few = count - 1
     while _reach(span / count, margin) > reach:
         too_few, count = count, 2 * count
@@ -116,14 +143,14 @@ def _cut(a: NDArray[np.float64], b: NDArray[np.float64], half_width_m: float, lo
     return (1 - share) * a + share * b
 
 
-def _margin(span: NDArray[np.float64], half_width_m: float) -> float:
-    """Largest margin (m), at most the half-width, with which a sub-leg's box stays within the reach.
+def _margin(span: NDArray[np.float64], half_width_m: float, reach: float) -> float:
+    """Largest margin (m), at most the half-width, with which the box of a sub-leg stays within the reach.
 
     Args:
         span: absolute components of the sub-leg (m), shape (3,).
         half_width_m: of the corridor.
+        reach: largest distance (m) of the box from the sub-leg.
     """
-    reach = corridor_reach(half_width_m)
     if _reach(span, half_width_m) <= reach + 1e-9:
         return half_width_m
     low, high = SMALLEST_MARGIN * half_width_m, half_width_m

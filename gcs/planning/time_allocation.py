@@ -17,6 +17,7 @@ import numpy as np
 
 from gcs.planning.bernstein import derivative, monomial_from_control, squared_norm
 from gcs.planning.minimum_snap import minimum_snap
+from gcs.planning.qp_solver import SolverError
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -37,6 +38,9 @@ REBALANCINGS = 2
 """Rounds of moving time from the segments with room to those at a limit."""
 
 _PROFILE_SAMPLES = 400
+
+_SHORTEST_SHARE = 0.03
+"""Segments get at least this share of the leg's mean segment time."""
 
 
 @dataclass(frozen=True)
@@ -153,7 +157,7 @@ def initial_times(leg: LegCorridor, limits: FlightLimits, window_s: float) -> ND
     flown = np.concatenate([[0.0], np.cumsum((averaged[1:] + averaged[:-1]) / 2)])
     at_joints = np.interp(joints, flown * joints[-1] / flown[-1], grid)
     at_joints[0], at_joints[-1] = 0.0, grid[-1]
-    return np.asarray(np.maximum(np.diff(at_joints), 1e-3 * grid[-1] / len(lengths)))
+    return np.asarray(np.maximum(np.diff(at_joints), _SHORTEST_SHARE * grid[-1] / len(lengths)))
 
 
 def _joint_speeds(leg: LegCorridor, limits: FlightLimits) -> NDArray[np.float64]:
@@ -205,18 +209,28 @@ def time_legs(
     windows = [max(share * ramp, least) for share in WINDOWS]
     best: list[TimedLeg] = []
     latest: list[TimedLeg] = []
+    failure: SolverError | None = None
     rounds = len(windows) + REBALANCINGS
     for turn in range(rounds):
         progress.report("trajectory", turn / rounds)
         if turn < len(windows):
             durations = [initial_times(leg, limits, windows[turn]) for leg in legs]
-        else:
+        elif best:
             durations = [_rebalanced(leg, limits) for leg in latest]
+        else:
+            break
         progress.report("trajectory", (turn + 0.2) / rounds)
-        curves = minimum_snap(legs, durations, solvers)
+        try:
+            curves = minimum_snap(legs, durations, solvers)
+        except SolverError as error:
+            # Other times may do; one good choice of times is enough.
+            failure = error
+            continue
         latest = [_roughly_fit(control, times, limits) for control, times in zip(curves, durations, strict=True)]
         best = [min(pair, key=_total) for pair in zip(best, latest, strict=True)] if best else latest
         latest = best if turn == len(windows) - 1 else latest
+    if failure is not None and not best:
+        raise failure
     return [fit_limits(leg.control, leg.durations_s, limits) for leg in best]
 
 

@@ -122,7 +122,7 @@ def _refined_tour(costs: _LegCosts) -> NDArray[np.int64]:
                 break
             seconds = None
             continue
-        costs.search_edges(nodes, 0.9 * (1 - 0.7**turn), 0.9 * (1 - 0.7 ** (turn + 1)))
+        costs.search_edges(nodes, 0.9 - 0.6 * 0.7 ** (turn - 1), 0.9 - 0.6 * 0.7**turn)
         if tour_cost(costs.matrix, nodes) < tour_cost(costs.matrix, best):
             best = nodes
     return best

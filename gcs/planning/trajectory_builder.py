@@ -44,9 +44,12 @@ class BuiltTrajectory:
     exposures_s: NDArray[np.float64]
 
 
-def longest_segment_m(limits: FlightLimits) -> float:
-    """Longest straight that one polynomial flies (m): half the way from rest to full speed."""
-    return limits.speed_m_s**2 / (4 * limits.acceleration_m_s2)
+def longest_segment_m(limits: FlightLimits, half_width_m: float) -> float:
+    """Longest straight that one polynomial flies (m): half the way from rest to full speed.
+
+    It is also bounded by the corridor's width, because segments of very different lengths make a stiff problem.
+    """
+    return min(limits.speed_m_s**2 / (4 * limits.acceleration_m_s2), 10 * half_width_m)
 
 
 def estimated_leg_time_s(length_m: NDArray[np.float64], limits: FlightLimits) -> NDArray[np.float64]:
@@ -93,7 +96,11 @@ def build_trajectory(
     last = len(legs_m) - 1
     corridors = [
         build_corridor(
-            leg, half_width, longest_segment_m(limits), column_at_start=index == 0, column_at_end=index == last
+            leg,
+            half_width,
+            longest_segment_m(limits, half_width),
+            column_at_start=index == 0,
+            column_at_end=index == last,
         )
         for index, leg in enumerate(legs_m)
     ]

@@ -131,7 +131,9 @@ class _Returns:
         extent = float(np.linalg.norm(self.points - home_m, axis=1).max())
         self._open_m = max(top, float(self.points[:, 2].max())) + self._keep + 10 * _CLOSE_M + extent**2 / _PROBE_M
         up = np.broadcast_to([0.0, 0.0, 1.0], self.points.shape)
-        self._climb_m = self._trace(self.points, up, self._open_m - self.points[:, 2])
+        wanted = self._open_m - self.points[:, 2]
+        free = self._trace(self.points, up, wanted)
+        self._climb_m = np.where(free >= wanted, math.inf, free)
 
     def _trace(
         self, origins: NDArray[np.float64], directions: NDArray[np.float64], wanted: NDArray[np.float64]

@@ -141,9 +141,9 @@ class FlightChecks:
         if limits.return_altitude_m is None:
             return limits
         found = await asyncio.to_thread(self._return, limits.return_altitude_m)
-        if found.ok or found.lowest_safe_altitude_m is None:
+        if found.ok or found.lowest_safe_m is None:
             return limits
-        await vehicle.set_return_altitude(found.lowest_safe_altitude_m)
+        await vehicle.set_return_altitude(found.lowest_safe_m)
         return await vehicle.read_limits()
 
     async def _ways_home(self, limits: VehicleLimits, *, may_raise: bool) -> PreflightCheck:
@@ -156,12 +156,11 @@ class FlightChecks:
         landing = f"; landing on the spot would hit it during {seconds:.0f} s of the plan" if seconds else ""
         if found.ok:
             return PreflightCheck(name, "ok", f"return at {altitude:.0f} m keeps clear from everywhere{landing}")
-        first = found.blocked_s[0][0]
-        why = f"the vehicle's return at {altitude:.0f} m would hit the structure from t = {first:.0f} s of the plan"
-        if found.lowest_safe_altitude_m is None:
+        why = f"the vehicle's return at {altitude:.0f} m is blocked: {found.reason}"
+        if found.lowest_safe_m is None:
             how = "no altitude clears it, some climb is under the structure: leave those viewpoints out"
             return PreflightCheck(name, "refused", f"{why}; {how}")
-        lowest = f"{found.lowest_safe_altitude_m:.0f} m keeps clear"
+        lowest = f"{found.lowest_safe_m:.0f} m keeps clear"
         if may_raise:
             return PreflightCheck(name, "ok", f"{why}; {lowest} and is set on the vehicle at upload or start{landing}")
         return PreflightCheck(name, "refused", f"{why}; {lowest}")
@@ -191,14 +190,7 @@ class FlightChecks:
         )
 
     def _return(self, altitude_m: float) -> WaysHome:
-        scenario, safety = self._plan.scenario, self._plan.scenario.safety
-        return check_ways_home(
-            self._plan.trajectory,
-            _scene(self._directory, scenario.ground_m),
-            home_m=scenario.home_m,
-            return_altitude_m=altitude_m,
-            keep_m=scenario.vehicle.radius_m + safety.position_m + safety.model_m,
-        )
+        return check_ways_home(self._plan, _scene(self._directory, self._plan.scenario.ground_m), altitude_m)
 
 
 @lru_cache(maxsize=4)

@@ -8,13 +8,10 @@ from __future__ import annotations
 
 import asyncio
 import logging
-import math
-from dataclasses import asdict
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from gcs.core.clock import new_id, utc_now
 from gcs.core.errors import ConflictError, GcsError, LinkError, RefusedError
-from gcs.core.mission import MissionItem
 from gcs.mavlink.canonical_form import compare
 from gcs.mavlink.events import VehicleFoundEvent
 from gcs.services.flight_checks import FlightChecks
@@ -185,7 +182,7 @@ class FlightControlService:
             equal=equal,
             differences=(),
             canonical_crc32=upload.canonical_crc32,
-            items=tuple(_item(i) for i in upload.items),
+            items=upload.items,
             viewpoint_items=self._mission(flight).viewpoint_items,
             problem=upload.problem,
         )
@@ -328,7 +325,7 @@ class FlightControlService:
 
         try:
             proof = await vehicle.upload_mission(mission, Told())
-            items = [_stored(i) for i in await vehicle.download_mission()]
+            items = await vehicle.download_mission()
         except (GcsError, asyncio.CancelledError) as error:
             self._database.flights.end_upload(upload.id, UploadState.FAILED, problem=str(error) or "cancelled")
             recorder.problem(f"upload failed: {error}")
@@ -446,13 +443,3 @@ class _Alone:
 def _confirmed(vehicle: Vehicle, confirm: str) -> None:
     if confirm.strip() not in {vehicle.identity.name, str(vehicle.identity.system_id)}:
         raise RefusedError(f"the confirmation does not name the vehicle: type {vehicle.identity.name}", field="confirm")
-
-
-def _stored(item: MissionItem) -> dict[str, Any]:
-    """An item as JSON takes it: None for NaN."""
-    return {**asdict(item), "params": [None if math.isnan(p) else p for p in item.params]}
-
-
-def _item(stored: dict[str, Any]) -> MissionItem:
-    p1, p2, p3, p4 = (math.nan if p is None else float(p) for p in stored["params"])
-    return MissionItem(**{**stored, "params": (p1, p2, p3, p4)})

@@ -162,3 +162,11 @@ class FlightService(Protocol):
     async def land(self, flight_id: str) -> FlightRecord:
         """Let the vehicle land where it is."""
         ...
+
+    async def wait_for_upload(self, flight_id: str) -> FlightRecord:
+        """Wait until an upload has ended, one way or the other."""
+        ...
+
+    async def wait(self, flight_id: str) -> FlightRecord:
+        """Wait until a started flight is over."""
+        ...

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from gcs.core.frames import GeoPoint, geodetic_from_enu
-from gcs.core.mission import Mission, MissionItem
+from gcs.core.mission import PLACE_COMMANDS, Mission, MissionItem
 from gcs.core.vehicle import Autopilot
 from gcs.mavlink.mission_items import MissionLimits, build_mission
 from gcs.planning.mission_sampling import CHORD_ERROR_M, sample_mission_path
@@ -21,7 +21,6 @@ if TYPE_CHECKING:
 
 _MAV_AUTOPILOT = {Autopilot.PX4: 12, Autopilot.ARDUPILOT: 3, Autopilot.GENERIC: 0}
 _MAV_TYPE_QUADROTOR = 2
-_GLOBAL_FRAMES = frozenset({0, 3, 5, 6})
 _FILE_FRAME = {5: 0, 6: 3}
 """Files have degrees, not integers: their frames are the plain ones."""
 _ABSOLUTE_ALTITUDE = 2
@@ -134,7 +133,7 @@ def mission_planner_waypoints(mission: Mission, autopilot: Autopilot, home: GeoP
 
 
 def _coordinates(item: MissionItem) -> tuple[float, float]:
-    if item.frame in _GLOBAL_FRAMES:
+    if item.command in PLACE_COMMANDS:
         return item.x / 1e7, item.y / 1e7
     return float(item.x), float(item.y)
 
@@ -149,6 +148,6 @@ def _simple_item(number: int, item: MissionItem) -> dict[str, object]:
         "frame": int(_FILE_FRAME.get(item.frame, item.frame)),
         "params": [None if math.isnan(v) else v for v in values],
     }
-    if item.frame in _GLOBAL_FRAMES and (item.x or item.y):
+    if item.command in PLACE_COMMANDS:
         content |= {"Altitude": item.z, "AltitudeMode": _ABSOLUTE_ALTITUDE, "AMSLAltAboveTerrain": None}
     return content

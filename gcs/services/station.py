@@ -7,7 +7,6 @@ from contextlib import AsyncExitStack, asynccontextmanager
 from typing import TYPE_CHECKING, TypeAlias
 
 from gcs.core.clock import utc_now
-from gcs.core.errors import RefusedError
 from gcs.services.live_feed import FeedEvent, LiveFeed
 
 if TYPE_CHECKING:
@@ -28,8 +27,9 @@ class StationServices:
 
     Args:
         data_dir: where everything that must last is kept.
-        links: URLs to open besides those of the database.
-        make_flights: makes the flight service once all others are open.
+        links: URLs to open; not kept for later runs.
+        stored_links: whether the links of earlier runs are opened too.
+        make_flights: makes the flight service once all others are open; tests put another in.
         make_mavlink: makes the MAVLink side; tests put another in.
         make_jobs: makes what runs the planning; tests put another in.
     """
@@ -39,35 +39,26 @@ class StationServices:
     plans: PlanService
     vehicles: VehicleService
     images: ImageStore
+    flights: FlightService
+    started_at: str
 
     def __init__(
         self,
         data_dir: Path,
         *,
         links: tuple[str, ...] = (),
+        stored_links: bool = True,
         make_flights: FlightsFactory | None = None,
         make_mavlink: MavlinkFactory | None = None,
         make_jobs: JobsFactory | None = None,
     ) -> None:
         self.data_dir = data_dir
-        self.started_at = utc_now()
         self.feed = LiveFeed()
         self._links = links
+        self._stored_links = stored_links
         self._make_flights = make_flights
         self._make_mavlink = make_mavlink
         self._make_jobs = make_jobs
-        self._flights: FlightService | None = None
-
-    @property
-    def flights(self) -> FlightService:
-        """The flight service.
-
-        Raises:
-            RefusedError: this station was started without one.
-        """
-        if self._flights is None:
-            raise RefusedError("this station was started without flights")
-        return self._flights
 
     @asynccontextmanager
     async def running(self, render: Callable[[FeedEvent], str]) -> AsyncIterator[None]:
@@ -87,6 +78,7 @@ class StationServices:
         from gcs.storage.database import Database
         from gcs.storage.image_store import ImageStore
 
+        self.started_at = utc_now()
         async with AsyncExitStack() as stack:
             stack.enter_context(owned_data_directory(self.data_dir))
             self.database = Database(self.data_dir)
@@ -103,11 +95,10 @@ class StationServices:
             mavlink = (self._make_mavlink or _mavlink_station)()
             self.vehicles = VehicleService(self.database, self.feed, mavlink, self._links)
             stack.push_async_callback(self.vehicles.close)
-            await self.vehicles.open()
-            if self._make_flights is not None:
-                self._flights = self._make_flights(self)
-                stack.push_async_callback(self._flights.close)
-                await self._flights.open()
+            await self.vehicles.open(stored_links=self._stored_links)
+            self.flights = (self._make_flights or _flight_service)(self)
+            stack.push_async_callback(self.flights.close)
+            await self.flights.open()
             yield
 
 
@@ -115,6 +106,12 @@ def _mavlink_station() -> MavlinkStation:
     from gcs.mavlink.station import MavlinkStation
 
     return MavlinkStation()
+
+
+def _flight_service(services: StationServices) -> FlightService:
+    from gcs.services.flight_service import FlightControlService
+
+    return FlightControlService(services.database, services.images, services.feed, services.plans, services.vehicles)
 
 
 def _planning_jobs() -> PlanningJobs:

@@ -91,13 +91,17 @@ class VehicleService:
         self._flights: dict[int, str] = {}
         self._tasks: list[asyncio.Task[None]] = []
 
-    async def open(self) -> None:
-        """Open the links of the last run and listen; nothing but heartbeats is sent by itself."""
+    async def open(self, *, stored_links: bool = True) -> None:
+        """Listen, and open the given links and those of earlier runs; nothing but heartbeats is sent by itself.
+
+        Args:
+            stored_links: whether the links of earlier runs are opened too.
+        """
         self._tasks = [
             asyncio.create_task(self._publish_telemetry(), name="publish telemetry"),
             asyncio.create_task(self._collect_messages(), name="collect vehicle messages"),
         ]
-        for link in (*self._given, *self._database.links.all()):
+        for link in (*self._given, *(self._database.links.all() if stored_links else ())):
             await self._open(link)
 
     async def close(self) -> None:

@@ -201,12 +201,10 @@ def mavlink():
 
 @pytest.fixture
 def app(settings, jobs, mavlink):
-    def services(given):
-        return StationServices(
-            given.data_dir, make_flights=FakeFlights, make_mavlink=lambda: mavlink, make_jobs=lambda: jobs
-        )
-
-    return create_app(settings, services=services)
+    services = StationServices(
+        settings.data_dir, make_flights=FakeFlights, make_mavlink=lambda: mavlink, make_jobs=lambda: jobs
+    )
+    return create_app(settings, services)
 
 
 @pytest.fixture

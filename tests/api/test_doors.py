@@ -127,12 +127,8 @@ def test_the_token_is_readable_by_its_owner_alone_and_stays(tmp_path):
 
 
 def test_a_browser_on_another_machine_must_give_the_token(settings, jobs, mavlink):
-    open_settings = replace(settings, host="0.0.0.0")
-
-    def services(given):
-        return StationServices(given.data_dir, make_mavlink=lambda: mavlink, make_jobs=lambda: jobs)
-
-    app = create_app(open_settings, services=services)
+    services = StationServices(settings.data_dir, make_mavlink=lambda: mavlink, make_jobs=lambda: jobs)
+    app = create_app(replace(settings, host="0.0.0.0"), services)
     with TestClient(app, base_url="http://192.168.1.7:8080", client=("192.168.1.50", 4711)) as remote:
         page = remote.get("/")
         assert "set-cookie" not in page.headers
@@ -147,10 +143,8 @@ def test_a_browser_on_another_machine_must_give_the_token(settings, jobs, mavlin
 
 
 def test_without_a_built_dashboard_the_page_says_how_to_build_it(settings, jobs, mavlink, tmp_path):
-    def services(given):
-        return StationServices(given.data_dir, make_mavlink=lambda: mavlink, make_jobs=lambda: jobs)
-
-    app = create_app(replace(settings, dashboard_dir=tmp_path / "not built"), services=services)
+    services = StationServices(settings.data_dir, make_mavlink=lambda: mavlink, make_jobs=lambda: jobs)
+    app = create_app(replace(settings, dashboard_dir=tmp_path / "not built"), services)
     with TestClient(app, base_url="http://localhost:8080", client=("127.0.0.1", 50000)) as client:
         response = client.get("/")
         assert response.status_code == 503

@@ -33,12 +33,15 @@ def test_the_first_message_is_all_that_is_known(live):
     assert [v.name for v in message.vehicles] == ["px4-1"]
 
 
-def test_planning_is_told_as_it_goes(live, client, scenario):
+def test_planning_is_told_as_it_goes(live, client, scenario, jobs):
+    jobs.hold = True
     accepted = client.post("/api/plans", json={"scenario": scenario}).json()
     assert next_of(live, "plan").plan.state == "planning"
     job = next_of(live, "job").job
     assert (job.id, job.stage) == (accepted["job"]["id"], "viewpoints")
-    assert next_of(live, "plan").plan.state == "ready"
+    client.post(f"/api/plans/{accepted['plan']['id']}/cancel")
+    assert next_of(live, "job").job.state == "cancelled"
+    assert next_of(live, "plan").plan.state == "cancelled"
 
 
 def test_a_vehicle_is_told_again_so_that_its_ages_stay_true(live):

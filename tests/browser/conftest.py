@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import os
 import socket
+import sys
 from collections.abc import AsyncIterator, Awaitable, Callable
 from contextlib import asynccontextmanager
 from dataclasses import dataclass, field
@@ -25,7 +26,8 @@ from starlette.websockets import WebSocket, WebSocketDisconnect
 from gcs.api.schemas.live import HeartbeatMessage
 
 CHROMIUM = Path("/usr/bin/chromium")
-DASHBOARD = Path(__file__).resolve().parents[2] / "gcs" / "api" / "dashboard"
+ROOT = Path(__file__).resolve().parents[2]
+DASHBOARD = ROOT / "gcs" / "api" / "dashboard"
 CHROMIUM_ARGUMENTS = [
     "--use-angle=swiftshader",
     "--enable-unsafe-swiftshader",
@@ -212,3 +214,50 @@ class ScriptedStation:
 async def station(dashboard_dir: Path) -> ScriptedStation:
     """A scripted station that is not serving yet."""
     return ScriptedStation(dashboard_dir)
+
+
+@pytest.fixture
+def mavlink_port() -> int:
+    """A UDP port that nobody uses."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        probe.bind(("127.0.0.1", 0))
+        return int(probe.getsockname()[1])
+
+
+@asynccontextmanager
+async def _process(*arguments: str, ready: str) -> AsyncIterator[str]:
+    """A Python process until the block ends; gives the line by which it says that it is ready."""
+    process = await asyncio.create_subprocess_exec(
+        sys.executable, *arguments, cwd=ROOT, stdout=asyncio.subprocess.PIPE, stderr=asyncio.subprocess.STDOUT
+    )
+    assert process.stdout is not None
+    said: list[str] = []
+    try:
+        async with asyncio.timeout(60):
+            while not said or ready not in said[-1]:
+                line = await process.stdout.readline()
+                assert line, "ended early: " + "".join(said)
+                said.append(line.decode())
+        draining = asyncio.create_task(process.stdout.read())
+        yield said[-1]
+        draining.cancel()
+    finally:
+        if process.returncode is None:
+            process.terminate()
+        await process.wait()
+
+
+@pytest.fixture
+async def real_station(dashboard_dir: Path, tmp_path: Path) -> AsyncIterator[str]:
+    """The URL of a station of its own, with an empty data directory."""
+    command = "import sys; from gcs.cli import main; main()"
+    async with _process("-c", command, "serve", "--port", "0", "--data", str(tmp_path / "data"), ready="ready") as line:
+        yield line.rsplit(" ", 1)[-1].strip()
+
+
+@pytest.fixture
+async def simulated_vehicle(mavlink_port: int) -> AsyncIterator[str]:
+    """The URL at which a simulated PX4-like vehicle is heard that leaves the path once and reports it."""
+    arguments = ["-m", "sitl_mocks", "--exit-with-parent", "--port", str(mavlink_port), "--speedup", "8", "--replan"]
+    async with _process(*arguments, ready="ready"):
+        yield f"udpin:127.0.0.1:{mavlink_port}"

@@ -8,6 +8,7 @@ import sys
 import time
 from pathlib import Path
 
+import psutil
 import pytest
 
 from gcs.core.errors import GcsError, InfeasibleError, OperationCancelled
@@ -117,6 +118,19 @@ async def test_a_job_that_is_cancelled_before_its_cluster_is_up_never_runs(jobs)
     with pytest.raises(OperationCancelled):
         await task
     assert told == []
+
+
+async def test_a_station_that_ends_while_its_cluster_starts_leaves_no_process():
+    jobs = PlanningJobs(workers=1)
+    task = asyncio.create_task(jobs.run("job", add, 1, 2, tell=lambda *_: None))
+    await asyncio.sleep(0.05)
+    task.cancel()
+    with pytest.raises(asyncio.CancelledError):
+        await task
+    await jobs.close()
+    me = psutil.Process()
+    left = [p.pid for p in me.children(recursive=True) if "spawn_main" in " ".join(p.cmdline())]
+    assert [pid for pid in left if not await ended(pid)] == []
 
 
 async def test_a_worker_that_dies_is_a_failed_job_and_the_next_one_runs(jobs):

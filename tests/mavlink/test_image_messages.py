@@ -79,7 +79,9 @@ def test_other_messages():
 
 
 @pytest.mark.skipif(not RECORDS.is_dir(), reason="the recorded traffic is not here")
-@pytest.mark.parametrize(("name", "count"), [("px4/auto_mission_camera.tlog", 9), ("ardupilot/auto_mission_camera.tlog", 7)])
+@pytest.mark.parametrize(
+    ("name", "count"), [("px4/auto_mission_camera.tlog", 9), ("ardupilot/auto_mission_camera.tlog", 7)]
+)
 def test_recorded_announcements(name, count):
     raw, place, reports = (RECORDS / name).read_bytes(), 0, []
     parser = mavlink.MAVLink(None)

@@ -7,6 +7,7 @@ import json
 import math
 import os
 import random
+import socket
 import subprocess
 import sys
 import time
@@ -21,16 +22,19 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from gcs.core.errors import NotFoundError
 from gcs.core.mission import Mission, MissionItem
 from gcs.core.vehicle import Autopilot
+from gcs.mavlink.canonical_form import compare
 from gcs.mavlink.ftp_directory import ListDirectory
 from gcs.mavlink.ftp_fetch import FetchFile
 from gcs.mavlink.ftp_protocol import SequenceNumbers
 from gcs.mavlink.mission_proof import MissionPeer, compare_with_vehicle, upload_and_prove
+from gcs.mavlink.station import MavlinkStation
 from gcs.mavlink.transaction import run
 
 pytest.importorskip("mavsdk")
 pytestmark = pytest.mark.system
 
 SERVER = Path(__file__).with_name("mavsdk_server.py")
+READER = Path(__file__).with_name("mavsdk_download.py")
 
 
 class UdpVehicle(asyncio.DatagramProtocol):
@@ -138,6 +142,17 @@ def mission(count: int) -> Mission:
     return Mission(tuple(items))
 
 
+def ardupilot_mission(count: int) -> Mission:
+    items = [MissionItem(0, 0, 16, (0.0, 0.0, 0.0, 0.0), 313622000, 1216155000, 4.0)]
+    items.append(MissionItem(1, 0, 22, (0.0, 0.0, 0.0, 0.0), 313622000, 1216155000, 20.0))
+    for n in range(2, count):
+        if n % 3:
+            items.append(MissionItem(n, 0, 16, (1.0, 0.0, 0.0, 0.0), 313622000 + n, 1216155000, 20.13 + n))
+        else:
+            items.append(MissionItem(n, 0, 93, (float(n), -1.0, -1.0, -1.0), 0, 0, 0.0))
+    return Mission(tuple(items))
+
+
 def line_of(process) -> dict:
     while True:
         line = process.stdout.readline()
@@ -191,3 +206,42 @@ async def test_files_from_mavsdk(make_server, tmp_path, loss):
         assert (await do(FetchFile, "/DCIM/empty.txt")).data == b""
         with pytest.raises(NotFoundError):
             await do(FetchFile, "/DCIM/none.jpg")
+
+
+@pytest.mark.parametrize("autopilot", [Autopilot.PX4, Autopilot.ARDUPILOT])
+@pytest.mark.parametrize("loss", [0.0, 0.1])
+async def test_mavsdk_reads_from_the_simulated_vehicle_what_we_put_there(autopilot, loss):
+    """Three independent implementations: our upload, the simulated vehicle's store, MAVSDK's download."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        probe.bind(("127.0.0.1", 0))
+        port = probe.getsockname()[1]
+    command = ["-m", "sitl_mocks", "--autopilot", autopilot.value, "--port", str(port), "--tcp-base", "none"]
+    wanted = mission(40) if autopilot is Autopilot.PX4 else ardupilot_mission(40)
+    simulator = subprocess.Popen(  # noqa: ASYNC220 - it returns at once
+        [sys.executable, *command, "--loss", str(loss), "--seed", "3", "--exit-with-parent"], stdout=subprocess.DEVNULL
+    )
+    try:
+        station = MavlinkStation()
+        try:
+            await station.open(f"udpin:127.0.0.1:{port}")
+            vehicle = await station.wait_for_vehicle(60.0)
+            proof = await asyncio.wait_for(vehicle.upload_mission(wanted), 120)
+            assert (proof.items_sent, proof.items_read) == (40, 40)
+        finally:
+            await station.close_all()
+        if loss:
+            return  # MAVSDK's own download is not what is tested on a bad link
+        reader = await asyncio.create_subprocess_exec(
+            sys.executable, str(READER), str(port), stdout=asyncio.subprocess.PIPE, stderr=asyncio.subprocess.DEVNULL
+        )
+        out, _ = await asyncio.wait_for(reader.communicate(), 60)
+    finally:
+        simulator.kill()
+        simulator.wait()
+    line = next(line for line in out.decode().splitlines() if line.startswith("{"))
+    read = [
+        MissionItem(sequence, frame, number, tuple(params), x, y, z, autocontinue=auto)
+        for sequence, frame, number, *params, x, y, z, auto in json.loads(line)["items"]
+    ]
+    comparison = compare(wanted.items, read, autopilot)
+    assert comparison.equal, comparison.summary

@@ -283,7 +283,7 @@ async def test_no_space_in_mid_transfer_says_that_a_part_may_be_held(make_rig):
         return False
 
     rig.vehicle.ignore_in = full
-    with pytest.raises(RefusedError, match="asked for 10 of them.*read it back"):
+    with pytest.raises(RefusedError, match=r"asked for 10 of them.*read it back"):
         await prove(rig, "ardupilot")
 
 

@@ -1,3 +1,4 @@
+import asyncio
 import threading
 import time
 
@@ -146,8 +147,7 @@ async def test_halt_from_another_thread_is_final():
     sent = []
     session, ended = make_session(sent, rate_hz=400.0, deadman_s=5.0)
     session.start()
-    while not sent:
-        time.sleep(0.005)
+    await asyncio.sleep(0.05)
     session.halt(OffboardEnd.MODE_CHANGED)
     count = len(sent)
     assert ended.wait(5.0)

@@ -32,9 +32,9 @@ class ParameterServer:
     def answers(self):
         asked, self.queue = self.queue, []
         self.most_in_flight = max(self.most_in_flight, len(asked))
-        for message in asked:
+        for sent in asked:
             # over the wire, as the vehicle would see it
-            raw = message.pack(mavlink.MAVLink(None, srcSystem=255, srcComponent=190))
+            raw = sent.pack(mavlink.MAVLink(None, srcSystem=255, srcComponent=190))
             message = mavlink.MAVLink(None).parse_buffer(raw)[0]
             name = message.param_id
             if name not in self.values:

@@ -37,7 +37,9 @@ def body(points=5, reason="crane moved", item=4, left=12.5, back=20.25, crc=None
 
 def fragments(raw, boot=77, number=1, size=116):
     pieces = [raw[k : k + size] for k in range(0, len(raw), size)]
-    return [tunnel(struct.pack("<2sBBIHBB", b"GR", 1, 1, boot, number, k, len(pieces)) + p) for k, p in enumerate(pieces)]
+    return [
+        tunnel(struct.pack("<2sBBIHBB", b"GR", 1, 1, boot, number, k, len(pieces)) + p) for k, p in enumerate(pieces)
+    ]
 
 
 def tunnel(raw, payload_type=TYPE, length=None):
@@ -225,9 +227,7 @@ def test_announcement_goes_on_without_after_five_times(make_rig):
 def test_acknowledgement_of_another_plan_does_not_count(make_rig):
     rig = make_rig(Knower)
     rig.vehicle.answer = False
-    rig.at.append(
-        (100.5, lambda: rig.down.put(tunnel(struct.pack("<2sBBIHBB", b"GR", 1, 4, 0, 0, 0, 1) + bytes(32))))
-    )
+    rig.at.append((100.5, lambda: rig.down.put(tunnel(struct.pack("<2sBBIHBB", b"GR", 1, 4, 0, 0, 0, 1) + bytes(32)))))
     announcement = PlanAnnouncement(HASH, 1, 1, rig.send, rig.clock)
     rig.drive(announcement)
     assert announcement.result() is False
@@ -251,5 +251,5 @@ def test_a_hash_that_is_none(make_rig, bad):
 
 def test_header_of_a_split_payload():
     header, part = split_payload(fragments(body(60))[1])
-    assert (header.boot_id, header.number, header.fragment, header.fragments) == (77, 1, 1, 8)
+    assert (header.boot_id, header.number, header.fragment, header.fragments) == (77, 1, 1, 7)
     assert len(part) == 116

@@ -69,7 +69,14 @@ def test_caps_of_one_give_the_identity(flight):
     assert warp.duration_s == pytest.approx(20.0)
 
 
-def test_a_limit_under_the_plans_own_acceleration_is_refused(flight):
+def test_a_plan_over_the_limit_is_slowed_into_it(flight):
+    caps = caps_for(flight, lambda s: np.where(s > 15, 0.5, 1.0))
+    warp = warp_under_caps(flight, caps, 1.0)
+    t = np.linspace(0, warp.duration_s, 20_001)
+    assert np.linalg.norm(warp.setpoint(flight, t).acceleration_m_s2, axis=1).max() <= 1.0 + 1e-6
+
+
+def test_a_limit_far_under_the_plans_own_acceleration_is_refused(flight):
     caps = caps_for(flight, lambda s: np.where(s > 15, 0.5, 1.0))
     with pytest.raises(InfeasibleError, match="allowed"):
-        warp_under_caps(flight, caps, 1.0)
+        warp_under_caps(flight, caps, 0.01)

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from gcs.planning.deviation import PolylineDistance
 from gcs.planning.safe_corridor import COLUMN_HALF_WIDTH_M, build_corridor, corridor_reach
 
-COORDINATE = st.floats(-30, 30).map(lambda x: round(x, 2))
+COORDINATE = st.one_of(st.floats(-30, 30), st.floats(-0.2, 0.2)).map(lambda x: round(x, 2))
 
 
 @settings(max_examples=60, deadline=None)
@@ -30,9 +30,10 @@ def test_joints_lie_on_the_leg_and_well_inside_both_boxes(points):
     leg = np.array(points)
     corridor = build_corridor(leg, 0.5, 2.5)
     np.testing.assert_array_equal(corridor.joints_m[[0, -1]], leg[[0, -1]])
-    assert PolylineDistance(leg).distance(corridor.joints_m).max() < 1e-9
+    assert PolylineDistance(leg).distance(corridor.joints_m).max() <= 0.1 + 1e-9
     assert corridor.lengths_m.max() <= 2.5 + 1e-9
-    assert corridor.lengths_m.sum() == pytest.approx(np.linalg.norm(np.diff(leg, axis=0), axis=1).sum())
+    whole = np.linalg.norm(np.diff(leg, axis=0), axis=1)
+    assert whole.min() < 0.1 or corridor.lengths_m.sum() == pytest.approx(whole.sum())
     for joints in (corridor.joints_m[:-1], corridor.joints_m[1:]):
         room = np.minimum(joints - corridor.boxes_m[:, 0], corridor.boxes_m[:, 1] - joints)
         assert room.min() >= 0.5 * 0.5
@@ -56,6 +57,24 @@ def test_the_column_over_home_is_slim_and_never_under_the_ground():
 def test_a_slanted_first_straight_is_no_column():
     corridor = build_corridor(np.array([[0.0, 0, 0], [0.5, 0, 6]]), 0.5, column_at_start=True)
     assert corridor.boxes_m[0, 0, 2] < 0
+
+
+def test_corners_close_together_become_one_and_the_boxes_still_reach_no_further():
+    leg = np.array([[0.0, 0, 0], [7, 0, 0.2], [7, 1e-4, 0.2], [7.05, 0.04, 0.2], [7, 6, 4], [7, 6.05, 4.01]])
+    corridor = build_corridor(leg, 0.5, 2.5)
+    assert corridor.lengths_m.min() > 0.1
+    np.testing.assert_array_equal(corridor.joints_m[[0, -1]], leg[[0, -1]])
+    corners = np.array(
+        [[box[s[k], k] for k in range(3)] for box in corridor.boxes_m for s in itertools.product((0, 1), repeat=3)]
+    )
+    assert PolylineDistance(leg).distance(corners).max() <= corridor_reach(0.5) + 1e-6
+
+
+def test_the_top_of_a_column_is_never_merged_away():
+    leg = np.array([[9.0, 9, 9], [0.03, 0.04, 6.02], [0, 0, 6], [0, 0, 0]])
+    corridor = build_corridor(leg, 0.5, column_at_end=True)
+    assert (np.abs(corridor.joints_m - [0, 0, 6]).max(axis=1) < 1e-12).any()
+    np.testing.assert_allclose(corridor.boxes_m[-1, 1, :2], 0.1)
 
 
 def test_repeated_points_are_passed_over_and_a_leg_without_length_refused():

@@ -1,5 +1,7 @@
 """Segment times: closed forms for straight legs, extrema against dense samples, limits on corners."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -9,7 +11,7 @@ from gcs.core.errors import OperationCancelled
 from gcs.core.progress import SilentProgress
 from gcs.core.trajectory import PiecewisePolynomial
 from gcs.planning.bernstein import monomial_from_control
-from gcs.planning.qp_solver import default_solvers
+from gcs.planning.qp_solver import PiqpSolver, SolverError, default_solvers
 from gcs.planning.safe_corridor import build_corridor
 from gcs.planning.time_allocation import FlightLimits, initial_times, peaks, segment_peaks, time_legs
 
@@ -55,9 +57,7 @@ def test_long_straights_come_near_the_time_of_constant_acceleration_and_cruise(l
 @pytest.mark.parametrize("limits", [LIMITS, FlightLimits(5.0, 2.5, 3.0), FlightLimits(2.0, 4.0)])
 def test_limits_hold_and_one_of_them_is_reached(limits):
     rng = np.random.default_rng(4)
-    legs = [
-        build_corridor(np.cumsum(rng.normal(size=(n, 3)) * 8, axis=0), 0.5, 2.5) for n in (2, 2, 3, 4, 6)
-    ]
+    legs = [build_corridor(np.cumsum(rng.normal(size=(n, 3)) * 8, axis=0), 0.5, 2.5) for n in (2, 2, 3, 4, 6)]
     for timed, leg in zip(time_legs(legs, limits, default_solvers(), SilentProgress()), legs, strict=True):
         speed, acceleration, jerk = sampled_peaks(timed.control, timed.durations_s)
         use = [speed / limits.speed_m_s, acceleration / limits.acceleration_m_s2]
@@ -82,6 +82,30 @@ def test_corners_are_given_more_time_than_straights():
     lost = (5 - corner_speed) ** 2 / (2.5 * 5)
     found = initial_times(corner, LIMITS, 0.6).sum() - initial_times(straight, LIMITS, 0.6).sum()
     assert found == pytest.approx(lost, rel=0.05)
+
+
+class FailsAt:
+    """PIQP that says no at some of the calls."""
+
+    name = "fails"
+
+    def __init__(self, *calls):
+        self.calls, self.count = calls, 0
+
+    def solve(self, problem):
+        self.count += 1
+        answer = PiqpSolver().solve(problem)
+        return replace(answer, solved=False) if self.count in self.calls else answer
+
+
+def test_times_without_a_solution_are_passed_over_and_only_no_solution_at_all_is_an_error():
+    leg = build_corridor(np.array([[0.0, 0, 0], [6, 0, 0], [6, 6, 1]]), 0.5, 2.5)
+    (alone,) = time_legs([leg], LIMITS, [PiqpSolver()], SilentProgress())
+    for call in (1, 5, 8):
+        (timed,) = time_legs([leg], LIMITS, [FailsAt(call)], SilentProgress())
+        assert timed.durations_s.sum() == pytest.approx(alone.durations_s.sum(), rel=0.1)
+    with pytest.raises(SolverError, match="leg 0"):
+        time_legs([leg], LIMITS, [FailsAt(*range(1, 100))], SilentProgress())
 
 
 def test_it_stops_when_told():

@@ -11,6 +11,8 @@ from gcs.api.views import image_info
 
 router = APIRouter(prefix="/images", tags=["images"])
 
+MEDIA_TYPES = {".jpg": "image/jpeg", ".png": "image/png"}
+
 
 @router.get("/{image_id}", operation_id="getImage")
 def get_image(services: Services, image_id: ImageId) -> ImageInfo:
@@ -26,4 +28,5 @@ def get_image(services: Services, image_id: ImageId) -> ImageInfo:
 )
 def get_image_file(services: Services, image_id: ImageId) -> FileResponse:
     """The picture itself, once it is stored."""
-    return FileResponse(services.images.path(services.database.images.get(image_id)), media_type="image/jpeg")
+    path = services.images.path(services.database.images.get(image_id))
+    return FileResponse(path, media_type=MEDIA_TYPES.get(path.suffix, "application/octet-stream"))

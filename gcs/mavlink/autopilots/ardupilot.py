@@ -71,6 +71,8 @@ class ArduPilot(FlightStack):
     """ArduPilot multicopters."""
 
     autopilot = Autopilot.ARDUPILOT
+    arming_mode = FlightMode.OFFBOARD
+    camera_announces = False
     limit_parameters = (
         "WPNAV_SPEED",
         "WPNAV_SPEED_UP",

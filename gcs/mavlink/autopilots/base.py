@@ -71,6 +71,10 @@ class FlightStack(ABC):
     """One flight stack: its mode numbers, sequences, commands and parameter names. It holds no state."""
 
     autopilot: Autopilot
+    arming_mode = FlightMode.HOLD
+    """The mode in which the vehicle's own readiness check says whether it can be armed for a flight."""
+    camera_announces = True
+    """Whether the camera component announces pictures, and not the autopilot in its stead."""
     bytewise_parameters = False
     """Whether whole-number parameters travel as their bytes inside the float, not as a float of the same value."""
     limit_parameters: tuple[str, ...] = ()

@@ -33,6 +33,7 @@ class ScriptedVehicle(asyncio.DatagramProtocol):
         self.results = {}
         self.mode_results = {}
         self.pre_arm = ""
+        self.ready = None
         self.silent = False
         self.born = time.monotonic()
         self.heard = []
@@ -91,6 +92,10 @@ class ScriptedVehicle(asyncio.DatagramProtocol):
         while True:
             if count % 5 == 0:
                 self.heartbeat()
+                if self.ready is not None:
+                    bit = mavlink.MAV_SYS_STATUS_PREARM_CHECK
+                    health = bit if self.ready else 0
+                    self.send(mavlink.MAVLink_sys_status_message(bit, bit, health, 0, 0, 0, 80, 0, 0, 0, 0, 0, 0))
                 self.send(mavlink.MAVLink_extended_sys_state_message(0, self.landed))
                 self.send(mavlink.MAVLink_mission_current_message(*self.mission))
                 self.send(

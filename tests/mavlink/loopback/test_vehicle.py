@@ -16,7 +16,8 @@ SETPOINT = "SET_POSITION_TARGET_LOCAL_NED"
 
 async def next_event(events, kind):
     async with asyncio.timeout(5.0):
-        async for event in events:
+        while True:
+            event = await anext(events)
             if isinstance(event, kind):
                 return event
 
@@ -39,10 +40,21 @@ async def test_a_refusal_carries_the_vehicles_own_words(connected):
     assert caught.value.field == "px4-1"
 
 
+async def test_readiness_is_waited_for_in_the_mode_to_arm_in(connected):
+    scripted, vehicle = await connected(autopilot=ARDUPILOT)
+    scripted.ready = False
+    scripted.send(mavlink.MAVLink_statustext_message(2, b"PreArm: Need Position Estimate", 0, 0))
+    with pytest.raises(RefusedError, match="Need Position"):
+        await vehicle.wait_ready_to_arm(0.3)
+    assert scripted.mode == 4
+    scripted.ready = True
+    await vehicle.wait_ready_to_arm(5.0)
+
+
 async def test_a_start_that_fails_after_arming_disarms_again(connected, modes):
     scripted, vehicle = await connected()
     scripted.mode_results[modes["mission"]] = 1
-    with pytest.raises(RefusedError, match="AUTO.MISSION"):
+    with pytest.raises(RefusedError, match=r"AUTO\.MISSION"):
         await vehicle.start_mission()
     assert scripted.armed is False
 
@@ -155,9 +167,10 @@ async def test_gimbal_and_picture_of_ardupilot(connected):
 
 
 @pytest.fixture
-def in_offboard(connected):
-    async def enter(**options):
-        deadman_s = options.pop("deadman_s", 5.0)
+def in_offboard(connected, monkeypatch):
+    async def enter(*, deadman_s=5.0, lead_in_s=0.1, **options):
+        if lead_in_s is not None:
+            monkeypatch.setattr("gcs.mavlink.vehicle.OFFBOARD_LEAD_IN_S", lead_in_s)
         scripted, vehicle = await connected(**options)
         session = await vehicle.offboard("test", take_off_altitude_amsl_m=14.0, deadman_s=deadman_s)
         return scripted, vehicle, session
@@ -166,7 +179,7 @@ def in_offboard(connected):
 
 
 async def test_px4_hears_a_second_of_setpoints_before_it_is_asked_into_offboard(in_offboard, modes):
-    scripted, vehicle, session = await in_offboard()
+    scripted, vehicle, session = await in_offboard(lead_in_s=None)
     first = next(at for at, m in scripted.heard if m.get_type() == SETPOINT)
     asked = next(
         at for at, m in scripted.heard if m.get_type() == "COMMAND_LONG" and m.command == 176 and m.param2 == 6
@@ -196,7 +209,7 @@ async def test_ardupilot_takes_off_in_guided_first_and_brakes_in_the_end(in_offb
 
 
 async def test_the_source_is_flown_on_the_vehicles_clock(in_offboard):
-    scripted, vehicle, session = await in_offboard(speed=5.0)
+    scripted, _, session = await in_offboard(speed=5.0)
     start = session.vehicle_now()
 
     def source(vehicle_s):

@@ -15,7 +15,7 @@ import numpy as np
 
 from gcs.core.scenario import Cable, NamedPoint
 from gcs.core.structure import Structure
-from gcs.planning.solid_shapes import beam, box, hexahedron, tube
+from gcs.storage.solid_shapes import beam, box, hexahedron, tube
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -119,7 +119,8 @@ def _frame_tower(d: Mapping[str, Any], joints: _Linkage) -> list[Vector]:
         apex = _at(joints.apex, side * f["half_apex_width"])
         feet = [np.array([f[k], side * f["half_foot_width"], deck]) for k in ("front_foot_x", "rear_foot_x")]
         parts += [tube(foot, apex, radius) for foot in feet]
-        parts.append(tube(*(foot + 0.5 * (apex - foot) for foot in feet), radius * 0.6))
+        front, rear = ((foot + apex) / 2 for foot in feet)
+        parts.append(tube(front, rear, radius * 0.6))
         parts.append(tube(apex, _at(joints.pivot, side * f["half_apex_width"]), radius * 0.8))
     for foot_x in (f["front_foot_x"], f["rear_foot_x"]):
         for share in (0.35, 0.7):

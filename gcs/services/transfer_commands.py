@@ -1,0 +1,94 @@
+"""`gcs upload` and `gcs download`: the mission transfer alone."""
+
+from __future__ import annotations
+
+import math
+from contextlib import asynccontextmanager
+from dataclasses import asdict
+from typing import TYPE_CHECKING, Any
+
+from gcs.core.errors import RefusedError
+from gcs.core.frames import GeoPoint
+from gcs.core.mission import Mission
+from gcs.mavlink.station import MavlinkStation
+from gcs.services.mission_files import mission_of_plan, mission_planner_waypoints
+from gcs.services.preflight import check_failsafes, check_limits
+from gcs.storage.plan_files import read_plan
+
+if TYPE_CHECKING:
+    from collections.abc import AsyncIterator, Callable
+    from pathlib import Path
+
+    from gcs.mavlink.vehicle import Vehicle
+
+VEHICLE_TIMEOUT_S = 30.0
+
+
+@asynccontextmanager
+async def connected_vehicle(url: str) -> AsyncIterator[Vehicle]:
+    """The first vehicle that answers on a link, for the time of an `async with` block.
+
+    Raises:
+        InputError: the URL is malformed.
+        LinkError: nobody answers.
+    """
+    station = MavlinkStation()
+    await station.open(url)
+    try:
+        yield await station.wait_for_vehicle(VEHICLE_TIMEOUT_S)
+    finally:
+        await station.close_all()
+
+
+async def upload_plan(out: Path, url: str, say: Callable[[str], None]) -> dict[str, Any]:
+    """Put the mission of a written plan on a vehicle and prove it.
+
+    The vehicle's limits and failsafes are read first: a plan beyond the limits is not uploaded; what is unknown or
+    switched off is said, and has to be accepted by name before a flight.
+
+    Args:
+        out: the plan's folder.
+        url: of the link.
+        say: takes lines for the operator.
+
+    Raises:
+        InputError: the folder holds no plan.
+        LinkError: nobody answers, or the link was lost; what the vehicle holds is then not known.
+        RefusedError: the plan is beyond the vehicle's limits, or the vehicle refused.
+    """
+    plan = read_plan(out)
+    async with connected_vehicle(url) as vehicle:
+        checks = check_limits(plan, await vehicle.read_limits())
+        checks += check_failsafes(await vehicle.read_failsafes())
+        for check in checks:
+            if check.state == "refused":
+                raise RefusedError(f"{check.name}: {check.detail}", field=vehicle.identity.name)
+            if check.state != "ok":
+                say(f"{check.state.replace('_', ' ')}: {check.name}: {check.detail}")
+        proof = await vehicle.upload_mission(mission_of_plan(plan, vehicle.identity.autopilot))
+        return {
+            "vehicle": vehicle.identity.name,
+            "proved": True,
+            "items": proof.items_sent,
+            "items_read": proof.items_read,
+            "how": proof.how,
+            "canonical_crc32": proof.canonical_crc32,
+        }
+
+
+async def download_mission(url: str) -> tuple[str, list[dict[str, Any]]]:
+    """Read the mission that a vehicle holds.
+
+    Returns:
+        Content of a `.waypoints` file, and the items as JSON objects (None for NaN).
+
+    Raises:
+        LinkError: nobody answers, or the link was lost.
+        RefusedError: the vehicle refused.
+    """
+    async with connected_vehicle(url) as vehicle:
+        items = await vehicle.download_mission()
+        autopilot, home = vehicle.identity.autopilot, vehicle.telemetry.home
+        place = GeoPoint(0.0, 0.0, 0.0) if home is None else home.value
+    objects = [{**asdict(item), "params": [None if math.isnan(p) else p for p in item.params]} for item in items]
+    return mission_planner_waypoints(Mission(items), autopilot, place), objects

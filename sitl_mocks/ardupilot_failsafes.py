@@ -1,0 +1,78 @@
+"""The failsafes of the ArduPilot-like vehicle: ground station, battery, fence."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from sitl_mocks.ardupilot_modes import Mode
+
+if TYPE_CHECKING:
+    from sitl_mocks.ardupilot import ArduPilotVehicle
+
+_CONTINUE_AUTO = 2
+"""Bit of FS_OPTIONS: a mission goes on without a ground station."""
+
+
+class ArduPilotFailsafes:
+    """Watches over a flight.
+
+    Args:
+        vehicle: that flies.
+    """
+
+    def __init__(self, vehicle: ArduPilotVehicle) -> None:
+        self._vehicle = vehicle
+        self._battery_stage = 0
+        self._fence_breached = False
+
+    def reset(self) -> None:
+        """A flight begins."""
+        self._battery_stage = 0
+        self._fence_breached = False
+
+    def tick(self) -> None:
+        """Act on what is wrong now."""
+        self._watch_battery()
+        self._watch_fence()
+
+    def station_lost(self) -> None:
+        """No ground station was heard for FS_GCS_TIMEOUT of wall time."""
+        vehicle, p = self._vehicle, self._vehicle.parameters
+        action = int(p["FS_GCS_ENABLE"])
+        if not vehicle.in_air or action == 0 or vehicle.mode in {Mode.LAND, Mode.RTL}:
+            return
+        vehicle.say_critical("GCS Failsafe")
+        goes_on = action == 2 or int(p["FS_OPTIONS"]) & _CONTINUE_AUTO
+        if vehicle.mode is Mode.AUTO and goes_on:
+            vehicle.say_info("GCS Failsafe - Continuing Auto Mode")
+            return
+        vehicle.fail_to(Mode.LAND if action == 5 else Mode.RTL, "ground station loss")
+
+    def _watch_battery(self) -> None:
+        vehicle, p = self._vehicle, self._vehicle.parameters
+        left_mah = vehicle.airframe.battery.remaining * p["BATT_CAPACITY"]
+        stage = sum(left_mah < p[name] for name in ("BATT_LOW_MAH", "BATT_CRT_MAH"))
+        if stage <= self._battery_stage or not vehicle.in_air:
+            return
+        self._battery_stage = stage
+        vehicle.say_critical(f"Battery 1 is {('low', 'critical')[stage - 1]}")
+        action = int(p["BATT_FS_LOW_ACT" if stage == 1 else "BATT_FS_CRT_ACT"])
+        if action:
+            vehicle.fail_to(Mode.LAND if action == 1 else Mode.RTL, "battery")
+
+    def _watch_fence(self) -> None:
+        vehicle, p = self._vehicle, self._vehicle.parameters
+        if not vehicle.in_air or self._fence_breached or not p["FENCE_ENABLE"]:
+            return
+        way = vehicle.airframe.position_m - vehicle.home_m
+        kinds = int(p["FENCE_TYPE"])
+        high = kinds & 1 and way[2] > p["FENCE_ALT_MAX"]
+        far = kinds & 2 and np.hypot(way[0], way[1]) > p["FENCE_RADIUS"]
+        if high or far:
+            self._fence_breached = True
+            vehicle.say_critical("Fence Breached")
+            action = int(p["FENCE_ACTION"])
+            if action:
+                vehicle.fail_to({2: Mode.LAND, 4: Mode.BRAKE}.get(action, Mode.RTL), "fence")

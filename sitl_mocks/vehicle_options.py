@@ -1,0 +1,52 @@
+"""How a simulated vehicle is set up, and what is counted about it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from concurrent.futures import Future
+from dataclasses import dataclass, field
+
+from gcs.core.frames import GeoPoint
+from sitl_mocks.picture import Exposure
+
+
+@dataclass(frozen=True)
+class VehicleOptions:
+    """How a vehicle is set up.
+
+    Attributes:
+        system_id: MAVLink system id.
+        anchor: origin of the scene.
+        home: where it stands at the start.
+        draw: draws pictures, in the background or at once.
+        seed: of the sensor noise.
+        parameters: overrides by name.
+        uid: hardware id, at most 18 bytes.
+        battery_wh: capacity.
+        wind_m_s: velocity of the air, ENU.
+        replan: leave the path once, upward, and report it.
+        unix_start_s: UTC at the start of the vehicle's clock.
+    """
+
+    system_id: int
+    anchor: GeoPoint
+    home: GeoPoint
+    draw: Callable[[Exposure], Future[bytes]]
+    seed: int = 0
+    parameters: tuple[tuple[str, float], ...] = ()
+    uid: bytes = b""
+    battery_wh: float = 130.0
+    wind_m_s: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    replan: bool = False
+    unix_start_s: float = 1_790_000_000.0
+
+
+@dataclass
+class Counters:
+    """What tests may want to know of what came in."""
+
+    setpoints: int = 0
+    setpoints_in_offboard: int = 0
+    forced_arms: int = 0
+    commands: dict[int, int] = field(default_factory=dict)
+    last_setpoint_wall_s: float | None = None

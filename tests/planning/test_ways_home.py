@@ -1,0 +1,128 @@
+"""Safety rule 7 against hand-made scenes and brute force."""
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+import trimesh
+
+from gcs.core.progress import SilentProgress
+from gcs.core.structure import Structure
+from gcs.core.trajectory import PiecewisePolynomial
+from gcs.planning.point_distance import SceneDistance
+from gcs.planning.ways_home import SPACING_M, check_ways_home, trace_ways_home
+
+KEEP_M = 0.9
+HOME = np.array([-30.0, 0, 0])
+
+
+def boxes(*parts):
+    """Boxes given by low and high corners."""
+    meshes = []
+    for low, high in parts:
+        box = trimesh.creation.box(extents=np.subtract(high, low))
+        meshes.append(trimesh.Trimesh(box.vertices + np.add(low, high) / 2, box.faces, process=False))
+    mesh = trimesh.util.concatenate(meshes)
+    return SceneDistance(Structure(np.asarray(mesh.vertices), np.asarray(mesh.faces, dtype=np.int64)), 0.0)
+
+
+def line(*points, speed=2.0):
+    pieces, durations = [], []
+    for a, b in zip(np.array(points[:-1], float), np.array(points[1:], float), strict=True):
+        coefficients = np.zeros((8, 3))
+        coefficients[0], coefficients[1] = a, b - a
+        pieces.append(coefficients)
+        durations.append(np.linalg.norm(b - a) / speed)
+    return PiecewisePolynomial(np.array(pieces), np.array(durations))
+
+
+def trace(curve, scene, altitude):
+    return trace_ways_home(curve, scene, HOME, altitude, KEEP_M, SilentProgress())
+
+
+WALL = ((-2, -20, 0), (2, 20, 25))
+BEAM = ((10, -20, 15), (14, 20, 17))
+
+
+def test_a_wall_between_here_and_home_needs_a_higher_return():
+    curve = line(HOME, HOME + [0, 0, 40], [10, 0, 40], [10, 0, 10])
+    low = trace(curve, boxes(WALL), 15.0)
+    assert not low.ok
+    ((start, end),) = low.blocked_s
+    # On the last stretch, once it is lower than the wall and its distance.
+    assert curve.value(start)[2] == pytest.approx(25 + KEEP_M, abs=SPACING_M)
+    assert end == pytest.approx(curve.duration_s)
+    assert "nearer than 0.9 m" in low.reason
+    assert 25 + KEEP_M <= low.lowest_safe_m <= 25 + KEEP_M + SPACING_M + 1
+    high = trace(curve, boxes(WALL), low.lowest_safe_m)
+    assert (high.ok, high.reason, high.blocked_s) == (True, "", ())
+    assert trace(curve, boxes(WALL), low.lowest_safe_m - 1.1).ok is False
+
+
+def test_under_a_beam_only_a_low_return_helps_and_behind_a_wall_none():
+    curve = line([12.0, 0, 5], [12, 5, 5])
+    under = trace(curve, boxes(BEAM), 30.0)
+    assert not under.ok
+    assert under.lowest_safe_m <= 15 - KEEP_M
+    assert trace(curve, boxes(BEAM), under.lowest_safe_m).ok
+    caught = trace(curve, boxes(BEAM, WALL), 30.0)
+    assert not caught.ok
+    assert caught.lowest_safe_m is None
+
+
+def test_landing_on_the_spot_is_blocked_over_the_structure_only():
+    curve = line([-20.0, 0, 30], [20, 0, 30])
+    found = trace(curve, boxes(WALL), 30.0)
+    assert found.ok
+    ((start, end),) = found.landing_blocked_s
+    assert curve.value(start)[0] == pytest.approx(-2 - KEEP_M, abs=SPACING_M)
+    assert curve.value(end)[0] == pytest.approx(2 + KEEP_M, abs=SPACING_M)
+
+
+def test_something_over_home_blocks_every_return():
+    roof = ((-32, -2, 20), (-28, 2, 21))
+    found = trace(line([0.0, 0, 5], [10, 0, 5]), boxes(roof), 30.0)
+    assert not found.ok
+    assert found.blocked_s[0][0] == 0.0
+    assert found.lowest_safe_m is not None
+    assert found.lowest_safe_m < 20
+
+
+def test_an_unknown_return_altitude_is_not_ok():
+    found = trace(line([0.0, 0, 5], [10, 0, 5]), boxes(((50, 50, 0), (51, 51, 1))), None)
+    assert not found.ok
+    assert "not known" in found.reason
+    assert found.lowest_safe_m is not None
+
+
+def test_the_tower_flight_agrees_with_brute_force(tower_flight, tower_scenario, tower_distance):
+    plan = SimpleNamespace(scenario=tower_scenario, trajectory=tower_flight.built.trajectory)
+    home = np.array(tower_scenario.home_m)
+    for altitude in (10.0, 40.0):
+        found = check_ways_home(plan, tower_distance, altitude)
+        t = np.linspace(0, plan.trajectory.duration_s, 1500)
+        share = np.linspace(0, 1, 120)[:, None]
+        clear = []
+        for p in plan.trajectory.value(t):
+            top = np.array([p[0], p[1], max(p[2], altitude)])
+            over = np.array([home[0], home[1], top[2]])
+            way = np.concatenate([(1 - share) * a + share * b for a, b in ((p, top), (top, over), (over, home))])
+            clear.append(tower_distance.distance(way, ground=False).min())
+        blocked = np.zeros(len(t), dtype=bool)
+        for start, end in found.blocked_s:
+            blocked |= (t >= start - 0.3) & (t <= end + 0.3)
+        clear = np.array(clear)
+        assert found.ok == (altitude == 40.0)
+        assert clear[~blocked].min() >= KEEP_M
+        if not found.ok:
+            assert clear.min() < KEEP_M
+
+
+def test_margins_come_from_the_scenario(tower_flight, tower_scenario, tower_distance):
+    plan = SimpleNamespace(scenario=tower_scenario, trajectory=tower_flight.built.trajectory)
+    wide = tower_scenario.safety.model_copy(update={"position_m": 5.6})
+    careful = SimpleNamespace(scenario=tower_scenario.model_copy(update={"safety": wide}), trajectory=plan.trajectory)
+    assert check_ways_home(plan, tower_distance, 40.0).ok
+    assert not check_ways_home(careful, tower_distance, 40.0).ok
+    assert replace(check_ways_home(plan, tower_distance, 40.0), ok=False).reason == ""

@@ -1,0 +1,39 @@
+import json
+from pathlib import Path
+
+import pytest
+
+from gcs.core.errors import InputError, NotFoundError
+from gcs.services.benchmarks.paths import shortest_way_round
+from gcs.services.benchmarks.registry import list_benchmarks, run_benchmark
+
+
+@pytest.mark.parametrize("name", ["paths", "tours"])
+def test_the_quick_version_gives_rows_of_the_published_form(name):
+    assert name in list_benchmarks()
+    result = json.loads(json.dumps(run_benchmark(name, quick=True)))
+    assert result["benchmark"] == name
+    assert set(result["machine"]) == {"cpu", "cores", "python"}
+    for row in result["rows"]:
+        assert set(row) == {"case", "figure", "value", "unit", "reference", "reference_value"}
+        assert isinstance(row["value"], float)
+
+
+def test_the_figures_make_sense():
+    tours = {(r["case"], r["figure"]): r["value"] for r in run_benchmark("tours", quick=True)["rows"]}
+    assert tours["face-4x88-open", "cost"] == pytest.approx(414.688, abs=1e-3)
+    assert tours["face-4x88-closed", "cost"] == pytest.approx(479.377, abs=1e-3)
+    assert all(value >= 0 for (_, figure), value in tours.items() if figure == "gap")
+    paths = {(r["case"], r["figure"]): r["value"] for r in run_benchmark("paths", quick=True)["rows"]}
+    assert 0 < paths["any-angle-closed-form", "excess_length"] < 0.02
+
+
+def test_the_closed_form_without_clearance_is_the_way_over_the_corners():
+    assert shortest_way_round(3.0, 4.0, 6.0, 0.0) == pytest.approx(5 + 6 + 5)
+
+
+def test_unknown_names_and_needless_meshes_are_refused():
+    with pytest.raises(NotFoundError, match="paths, tours"):
+        run_benchmark("nothing")
+    with pytest.raises(InputError, match="takes no mesh"):
+        run_benchmark("tours", mesh=Path("crane.stl"))
