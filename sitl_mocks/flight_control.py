@@ -13,6 +13,7 @@ from sitl_mocks.scene_frame import Array
 
 ON_GROUND, IN_AIR, TAKING_OFF, LANDING = 1, 2, 3, 4
 _OFF_THE_GROUND_M = 0.3
+_SET_DOWN_S = 1.0
 
 
 class FlightControl:
@@ -29,6 +30,9 @@ class FlightControl:
         self.task: FlightTask | None = None
         self.landed = True
         self._taking_off = False
+        self._touching_s = 0.0
+        self.grounded_s: float | None = None
+        """Time on the ground after a landing on setpoints; None otherwise."""
 
     @property
     def landed_state(self) -> int:
@@ -44,6 +48,7 @@ class FlightControl:
         self.task = None
         self._taking_off = False
         self.landed = self._airframe.on_ground
+        self.grounded_s = None
         self._airframe.cut_motors()
         self.refresh_limits()
 
@@ -51,10 +56,18 @@ class FlightControl:
         """Fly within what the mode and the parameters say now."""
         self._airframe.set_limits(self._limits())
 
-    def watch_ground(self) -> None:
-        """Notice that the vehicle has left the ground."""
+    def watch_ground(self, dt_s: float) -> None:
+        """Notice that the vehicle has left the ground, or has been set down on it by setpoints."""
         if self._airframe.height_m > _OFF_THE_GROUND_M:
             self.landed = False
+            self.grounded_s = None
+        if self.grounded_s is not None:
+            self.grounded_s += dt_s
+        touching = self.task is None and self._airframe.on_ground and not self.landed
+        self._touching_s = self._touching_s + dt_s if touching else 0.0
+        if self._touching_s >= _SET_DOWN_S:
+            self.landed = True
+            self.grounded_s = 0.0
 
     def begin(self, task: FlightTask, *, taking_off: bool = False) -> None:
         """Be busy with something else from now on."""

@@ -448,7 +448,11 @@ class Px4Vehicle(SimulatedVehicle):
         elif not lost and self.mode is not Mode.OFFBOARD and self.failsafe == "offboard loss":
             self.failsafe = None
             self._enter(Mode.OFFBOARD)
-        if self.mode is Mode.OFFBOARD:
+        grounded_s = self.flight.grounded_s
+        if grounded_s is not None and grounded_s >= self.parameters["COM_DISARM_LAND"]:
+            self.say_info("Landing detected")
+            self.disarm("Disarmed by landing")
+        elif self.mode is Mode.OFFBOARD:
             if not self.airframe.running and self._setpoint is not None:
                 self._apply_setpoint(self._setpoint)
         elif self.flight.run(LOGIC_S) and self.flight.landed:

@@ -207,7 +207,7 @@ class SimulatedVehicle(ABC):
             self.airframe.step(LOGIC_STEPS)
             self.time_s += LOGIC_S
             self.gimbal.step(LOGIC_S)
-            self.flight.watch_ground()
+            self.flight.watch_ground(LOGIC_S)
             self._tick()
             self.replanner.tick(LOGIC_S)
             self.camera.step(self.time_s)

@@ -90,6 +90,18 @@ class VehicleTransfers(VehicleState):
         """What its parameters allow."""
         return self._stack.limits(await self.read_parameters(self._stack.limit_parameters))
 
+    async def set_return_altitude(self, altitude_m: float) -> None:
+        """Set the height above home at which its own return flies, and see that it keeps it.
+
+        Raises:
+            RefusedError: it does not take it.
+            LinkError: it does not answer.
+        """
+        setting = self._stack.return_altitude_setting(altitude_m)
+        if setting is None:
+            raise RefusedError("its return altitude cannot be set", field=self.identity.name)
+        await self.set_parameter(*setting)
+
     async def read_failsafes(self) -> tuple[Failsafe, ...]:
         """How its failsafes are set up."""
         return self._stack.failsafes(await self.read_parameters(self._stack.failsafe_parameters))

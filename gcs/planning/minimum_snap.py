@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 BOX_INSET_M = 1e-6
 """The solver gets boxes this much smaller, so that its rounding never leaves the true ones."""
 
-COST_FLOOR_M = 1e-3
+COST_FLOOR_M = 1e-2
 """Axes on which a leg hardly moves have their cost divided by that of a move of this length."""
 
 

@@ -103,7 +103,15 @@ def prepare_scene(scenario: Scenario, structure: Structure, progress: Progress) 
     field_ = build_distance_field(structure, low, high, choose_pitch(low, high, clearance), progress)
     fence = fence_volume(scenario.fence, scenario.vehicle, scenario.safety)
     fence = fence._replace(margin_m=fence.margin_m + reach)
-    space = FreeSpace(field_, clearance, scenario.ground_m, scenario.home_m, fence, progress)
+    space = FreeSpace(
+        field_,
+        clearance,
+        scenario.ground_m,
+        scenario.home_m,
+        fence,
+        progress,
+        climb_clearance_m=scenario.centre_clearance_m,
+    )
     return Scene(SceneDistance(structure, scenario.ground_m), space)
 
 

@@ -97,18 +97,20 @@ class CandidateSearch:
         wanted = int(np.clip(PLACES_PER_PICTURE * 2 * area_m2 / core, FEWEST_PLACES, MOST_PLACES))
         candidates: list[CandidateView] = []
         seen = np.zeros(len(self._targets), dtype=np.bool_)
-        places = self._free_places(self._rng.choice(len(seen), size=min(wanted, len(seen)), replace=False))
+        some = self._rng.choice(len(seen), size=min(wanted, len(seen)), replace=False)
+        places, _ = self._free_places(some, in_sight=False, near=False)
         for first in range(0, len(places), BATCH):
             self._look_from(places[first : first + BATCH], seen, candidates)
             progress.report(STAGE, 0.5 * first / len(places))
         for round_ in range(EXTRA_ROUNDS):
-            self._look_again(seen, candidates)
+            self._look_again(seen, candidates, near=round_ % 2 == 0)
             progress.report(STAGE, 0.5 + 0.3 * (round_ + 1) / EXTRA_ROUNDS)
         return candidates
 
-    def _free_places(self, which: NDArray[np.int64], *, in_sight: bool = False) -> NDArray[np.float64]:
-        """Free places in front of targets; with `in_sight` only those that see their target."""
-        near = bool(self._rng.integers(2)) if in_sight else False
+    def _free_places(
+        self, which: NDArray[np.int64], *, in_sight: bool, near: bool
+    ) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+        """Free places in front of targets, with `in_sight` only those that see them, and the targets' numbers."""
         targets = self._targets[which]
         places = random_places(targets, self._task, self._space.clearance_m, self._furthest, self._rng, near=near)
         ok = np.ones(len(places), dtype=np.bool_)
@@ -117,22 +119,23 @@ class CandidateSearch:
             ok &= (pitch >= self._pitch[0]) & (pitch <= self._pitch[1])
             ok[ok] = self._sight.clear(places[ok], targets.lifted_m[ok])
         ok[ok] = self._space.is_reachable(places[ok])
-        return places[ok]
+        return places[ok], which[ok]
 
-    def _look_again(self, seen: NDArray[np.bool_], candidates: list[CandidateView]) -> None:
-        """Places that see what nothing has seen yet; later batches only for what earlier ones left."""
-        unseen = np.flatnonzero(~seen)
-        places = self._free_places(unseen, in_sight=True)
+    def _look_again(self, seen: NDArray[np.bool_], candidates: list[CandidateView], *, near: bool) -> None:
+        """Places that see what nothing has seen yet; not for what an earlier one of them has seen by the way."""
+        places, which = self._free_places(np.flatnonzero(~seen), in_sight=True, near=near)
         while len(places):
             self._look_from(places[:BATCH], seen, candidates)
-            break
+            left = np.flatnonzero(~seen[which[BATCH:]]) + BATCH
+            places, which = places[left], which[left]
 
     def _look_from(self, places: NDArray[np.float64], seen: NDArray[np.bool_], candidates: list[CandidateView]) -> None:
         open_sky = self._space.is_open_sky(places)
         for place, sky in zip(places, open_sky, strict=True):
             visible = self._visible_from(place)
-            for candidate in self._aimed(place, visible, open_sky=bool(sky)):
-                candidates.append(candidate)
+            aimed = self._aimed(place, visible, open_sky=bool(sky))
+            candidates += aimed
+            for candidate in aimed:
                 seen[candidate.members] = True
 
     def _visible_from(self, place: NDArray[np.float64]) -> NDArray[np.int64]:
@@ -158,7 +161,7 @@ class CandidateSearch:
         inside, direction, depth = self._in_core(ray, np.vstack([moved, aims]))
         kept: dict[bytes, CandidateView] = {}
         for k in np.flatnonzero(inside.any(axis=1)):
-            members = visible[inside[k]]
+            members = np.compress(inside[k], visible)
             kept.setdefault(
                 members.tobytes(),
                 CandidateView(place, direction[k], members, float(depth[k][inside[k]].mean()), open_sky),

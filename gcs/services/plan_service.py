@@ -112,10 +112,10 @@ def write_planned(scenario: Scenario, base: Path, out: Path, progress: Progress)
     return WrittenPlan(plan, plan_hash, report)
 
 
-def plan_to_directory(scenario_path: Path, out: Path, progress: Progress | None = None) -> Plan:
+def plan_to_directory(scenario_path: Path, out: Path, progress: Progress | None = None) -> WrittenPlan:
     """`gcs plan`: from a scenario file to a folder with a plan; raises as `write_planned`."""
     scenario = read_scenario_file(scenario_path)
-    return write_planned(scenario, scenario_path.parent, out, progress or SilentProgress()).plan
+    return write_planned(scenario, scenario_path.parent, out, progress or SilentProgress())
 
 
 def plan_job(progress: Progress, scenario: dict[str, Any], base: str, out: str) -> tuple[str, dict[str, Any]]:

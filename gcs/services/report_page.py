@@ -85,7 +85,7 @@ def report_page(plan: Plan, structure: Structure, report: dict[str, Any]) -> str
 def _summary(plan: Plan) -> str:
     anchor, camera = plan.scenario.anchor, plan.scenario.camera
     return (
-        f"{len(plan.viewpoints)} viewpoints in {plan.certificates.duration_s:.0f} s. "
+        f"{len(plan.viewpoints)} pictures in {plan.certificates.duration_s:.0f} s. "
         f"Anchor {anchor.latitude_deg:.7f}°, {anchor.longitude_deg:.7f}°, {anchor.altitude_m:.2f} m above sea level. "
         f"Camera {camera.sensor_width_mm:g} x {camera.sensor_height_mm:g} mm, f = {camera.focal_length_mm:g} mm, "
         f"{camera.image_width_px} x {camera.image_height_px} px."

@@ -37,16 +37,14 @@ def scene_view(plan: Plan, structure: Structure, axes: tuple[int, int]) -> str:
     edges = _edges(structure)[:, :, columns]
     everything = np.concatenate([curve, path, edges.reshape(-1, 2), structure.bounds_m[:, columns]])
     low, high = everything.min(axis=0), everything.max(axis=0)
-    scale = float(
-        min(
-            (WIDTH_PX - 2 * MARGIN_PX) / max(high[0] - low[0], 1),
-            (HEIGHT_PX - 2 * MARGIN_PX) / max(high[1] - low[1], 1),
-        )
-    )
+    size = np.maximum(high - low, 1.0)
+    frame = np.array([WIDTH_PX, HEIGHT_PX])
+    scale = float(((frame - 2 * MARGIN_PX) / size).min())
+    corner = (frame - (high - low) * scale) / 2
 
     def on_screen(points: NDArray[np.float64]) -> NDArray[np.float64]:
-        x = MARGIN_PX + (points[..., 0] - low[0]) * scale
-        y = HEIGHT_PX - MARGIN_PX - (points[..., 1] - low[1]) * scale
+        x = corner[0] + (points[..., 0] - low[0]) * scale
+        y = HEIGHT_PX - corner[1] - (points[..., 1] - low[1]) * scale
         return np.stack([x, y], axis=-1)
 
     home = on_screen(np.array(plan.scenario.home_m)[columns])

@@ -14,7 +14,7 @@ from typing import Any, NoReturn
 
 import pytest
 import uvicorn
-from playwright.async_api import Browser, Page, async_playwright
+from playwright.async_api import Browser, Page, async_playwright, expect
 from pydantic import BaseModel
 from starlette.applications import Starlette
 from starlette.requests import Request
@@ -88,11 +88,10 @@ def drawn() -> Callable[[Page], Awaitable[None]]:
     """Waits until the 3D view has drawn again."""
 
     async def wait(page: Page) -> None:
-        frames = "Number(document.querySelector('[data-testid=scene]').dataset.frames ?? 0)"
-        before = await page.evaluate(frames)
-        await page.set_viewport_size(page.viewport_size or {"width": 1280, "height": 800})
+        scene = page.get_by_test_id("scene")
+        before = await scene.get_attribute("data-frames") or "0"
         await page.get_by_test_id("fit").click()
-        await page.wait_for_function(f"{frames} > {before}")
+        await expect(scene).not_to_have_attribute("data-frames", before)
 
     return wait
 

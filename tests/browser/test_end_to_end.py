@@ -70,4 +70,4 @@ async def test_crane_is_planned_flown_and_watched(
     scene = Image.open(io.BytesIO(await page.get_by_test_id("scene").screenshot()))
     assert [name for name, colour in COLOURS.items() if not shows(scene, colour)] == []
     await page.locator("[data-testid=image][data-state=stored] button").first.click()
-    await page.wait_for_function("document.querySelector('[data-testid=image-dialog] img')?.naturalWidth > 0")
+    await expect(page.locator("[data-testid=image-dialog] img")).not_to_have_js_property("naturalWidth", 0)

@@ -38,7 +38,7 @@ def tower_scenario():
 def tower():
     """A box of 8 x 8 x 24 m about the z axis."""
     box = trimesh.creation.box(extents=(8, 8, 24))
-    return Structure(np.asarray(box.vertices) + [0, 0, 12], np.asarray(box.faces, dtype=np.int64))
+    return Structure(np.asarray(box.vertices) + np.array([0, 0, 12]), np.asarray(box.faces, dtype=np.int64))
 
 
 @pytest.fixture(scope="session")
@@ -56,7 +56,7 @@ def tower_flight(tower_scenario):
     home = np.array(tower_scenario.home_m)
     stops = np.array([[-10.0, 0, 10], [0, -10, 14], [10, 0, 12], [0, 10, 18]])
     corners = np.array([[-10.0, -10, 12], [10, -10, 13], [10, 10, 15]])
-    over_home = home + [0, 0, 8]
+    over_home = home + np.array([0, 0, 8])
     legs = [np.array([home, over_home, stops[0]])]
     legs += [np.array([a, c, b]) for a, c, b in zip(stops[:-1], corners, stops[1:], strict=True)]
     legs += [np.array([stops[3], [-12, 10, 16], over_home, home])]

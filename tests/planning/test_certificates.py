@@ -1,5 +1,6 @@
 """Certificates against dense samples and brute force, and faults that each of them must find."""
 
+import itertools
 from dataclasses import replace
 
 import numpy as np
@@ -40,7 +41,7 @@ def test_every_figure_is_what_dense_samples_show(figures, tower_flight, tower_sc
     assert nearest - 0.006 <= figures.min_clearance_m <= nearest + 1e-9
     path = tower_flight.path_m
     deviation = np.full(len(p), np.inf)
-    for a, b in zip(path[:-1], path[1:], strict=True):
+    for a, b in itertools.pairwise(path):
         u = np.clip((p - a) @ (b - a) / ((b - a) @ (b - a)), 0, 1)
         deviation = np.minimum(deviation, np.linalg.norm(p - a - u[:, None] * (b - a), axis=1))
     step = np.linalg.norm(np.diff(p, axis=0), axis=1)
@@ -75,9 +76,6 @@ def test_the_ground_counts_outside_the_column_over_home_only(tower_flight, tower
 def test_too_fast_is_found(tower_flight, tower_scenario, tower_distance):
     curve = tower_flight.built.trajectory
     quick = PiecewisePolynomial(curve.coefficients, curve.durations_s * 0.9)
-    assert {"max_speed_m_s", "max_acceleration_m_s2"} <= failed(
-        tower_flight, tower_scenario, tower_distance, trajectory=quick
-    ) | {"max_speed_m_s"}
     assert "max_acceleration_m_s2" in failed(tower_flight, tower_scenario, tower_distance, trajectory=quick)
     slow = tower_scenario.model_copy(
         update={"vehicle": tower_scenario.vehicle.model_copy(update={"max_speed_m_s": 2.0, "max_jerk_m_s3": 0.5})}
@@ -86,12 +84,14 @@ def test_too_fast_is_found(tower_flight, tower_scenario, tower_distance):
 
 
 def test_a_structure_that_is_too_near_is_found(tower_flight, tower_scenario, tower):
-    near = replace(tower, vertices_m=tower.vertices_m + [4.5, 0, 0])
+    near = replace(tower, vertices_m=tower.vertices_m + np.array([4.5, 0, 0]))
     assert failed(tower_flight, tower_scenario, SceneDistance(near, 0.0)) == {"min_clearance_m"}
 
 
 def test_a_missed_viewpoint_is_found(tower_flight, tower_scenario, tower_distance):
-    moved = [replace(v, position_m=v.position_m + [0, 0, 0.06 * (v.id == 2)]) for v in tower_flight.viewpoints]
+    moved = [
+        replace(v, position_m=v.position_m + np.array([0, 0, 0.06 * (v.id == 2)])) for v in tower_flight.viewpoints
+    ]
     assert failed(tower_flight, tower_scenario, tower_distance, viewpoints=moved) == {"worst_viewpoint_miss_m"}
 
 
@@ -138,8 +138,8 @@ def test_leaving_the_fence_is_found(tower_flight, tower_scenario, tower_distance
 
 def test_the_error_lists_all_that_failed_with_numbers(tower_flight, tower_scenario, tower):
     f = tower_flight
-    near = SceneDistance(replace(tower, vertices_m=tower.vertices_m + [4.5, 0, 0]), 0.0)
-    moved = [replace(v, position_m=v.position_m + [0, 0, 0.1]) for v in f.viewpoints]
+    near = SceneDistance(replace(tower, vertices_m=tower.vertices_m + np.array([4.5, 0, 0])), 0.0)
+    moved = [replace(v, position_m=v.position_m + np.array([0, 0, 0.1])) for v in f.viewpoints]
     with pytest.raises(CertificateError) as error:
         certify(f.built, f.path_m, moved, tower_scenario, near, SilentProgress(), **CARRIED)
     message = str(error.value)

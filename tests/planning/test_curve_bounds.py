@@ -39,7 +39,9 @@ def test_the_least_distance_is_within_the_tolerance_of_dense_samples(seed, count
         return np.linalg.norm(points - centre, axis=1)
 
     found = least(control, durations, lipschitz_bounds(distance, sign), 1e-3, SilentProgress())
-    pieces = [PiecewisePolynomial(m[None], d[None]) for m, d in zip(monomial_from_control(control), durations)]
+    pieces = [
+        PiecewisePolynomial(m[None], d[None]) for m, d in zip(monomial_from_control(control), durations, strict=True)
+    ]
     dense = np.concatenate([p.value(np.linspace(0, p.duration_s, 4001)) for p in pieces])
     sampled = (sign * distance(dense)).min()
     assert sampled - 2e-2 < found.value <= sampled + 1e-9

@@ -63,7 +63,7 @@ def test_the_gap_bounds_the_cost_above_the_optimum(nearest):
 
 
 def test_points_outside_and_answers_that_are_not_numbers_show(nearest):
-    assert evidence(nearest, ANSWER + [0.5, 0, 0], MULTIPLIERS)[0] == pytest.approx(0.5)
+    assert evidence(nearest, ANSWER + np.array([0.5, 0, 0]), MULTIPLIERS)[0] == pytest.approx(0.5)
     assert evidence(nearest, np.array([np.nan, 0, 0]), MULTIPLIERS) == (np.inf, np.inf)
 
 

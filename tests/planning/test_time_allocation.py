@@ -20,7 +20,9 @@ LIMITS = FlightLimits(5.0, 2.5)
 
 def sampled_peaks(control, durations, count=4001):
     """Each piece is sampled on its own, both ends included: pieces need not join."""
-    pieces = [PiecewisePolynomial(m[None], d[None]) for m, d in zip(monomial_from_control(control), durations)]
+    pieces = [
+        PiecewisePolynomial(m[None], d[None]) for m, d in zip(monomial_from_control(control), durations, strict=True)
+    ]
     times = np.linspace(0, 1, count)
     return np.array(
         [max(np.linalg.norm(p.value(times * p.duration_s, k), axis=1).max() for p in pieces) for k in (1, 2, 3)]

@@ -46,7 +46,7 @@ BEAM = ((10, -20, 15), (14, 20, 17))
 
 
 def test_a_wall_between_here_and_home_needs_a_higher_return():
-    curve = line(HOME, HOME + [0, 0, 40], [10, 0, 40], [10, 0, 10])
+    curve = line(HOME, HOME + np.array([0, 0, 40]), [10, 0, 40], [10, 0, 10])
     low = trace(curve, boxes(WALL), 15.0)
     assert not low.ok
     ((start, end),) = low.blocked_s

@@ -8,9 +8,9 @@ from gcs.services.benchmarks.paths import shortest_way_round
 from gcs.services.benchmarks.registry import list_benchmarks, run_benchmark
 
 
-@pytest.mark.parametrize("name", ["paths", "tours"])
+@pytest.mark.parametrize("name", list(list_benchmarks()))
 def test_the_quick_version_gives_rows_of_the_published_form(name):
-    assert name in list_benchmarks()
+    assert {"paths", "tours"} <= set(list_benchmarks())
     result = json.loads(json.dumps(run_benchmark(name, quick=True)))
     assert result["benchmark"] == name
     assert set(result["machine"]) == {"cpu", "cores", "python"}

@@ -49,8 +49,9 @@ def planner(monkeypatch, small_plan):
 
 
 def test_from_a_scenario_file_to_all_files(scenario_file, planner, tmp_path):
-    plan = plan_to_directory(scenario_file, tmp_path / "out")
-    assert plan.viewpoints[0].name == "A, west"
+    written = plan_to_directory(scenario_file, tmp_path / "out")
+    assert written.plan_hash == plan_hash(tmp_path / "out")
+    assert written.plan.viewpoints[0].name == "A, west"
     assert {p.name for p in (tmp_path / "out").iterdir()} == set(FILE_NAMES)
     report = json.loads((tmp_path / "out" / "report.json").read_text())
     assert report["mission_items"] > 3

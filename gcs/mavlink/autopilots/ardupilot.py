@@ -46,6 +46,7 @@ MODE_NAMES = {
     26: "AUTOROTATE",
     27: "AUTO_RTL",
     28: "TURTLE",
+    29: "RATE_ACRO",
 }
 _OF_NUMBER = {
     AUTO: FlightMode.MISSION,
@@ -56,7 +57,7 @@ _OF_NUMBER = {
     21: FlightMode.RETURN,
     27: FlightMode.RETURN,
     LAND: FlightMode.LAND,
-} | dict.fromkeys((0, 1, 2, 11, 13, 16, 22), FlightMode.MANUAL)
+} | dict.fromkeys((0, 1, 2, 11, 13, 16, 22, 29), FlightMode.MANUAL)
 _NUMBERS = {
     FlightMode.MISSION: AUTO,
     FlightMode.OFFBOARD: GUIDED,
@@ -167,6 +168,10 @@ class ArduPilot(FlightStack):
         if mission.state is MissionState.COMPLETE:
             return True
         return mission.total is not None and mission.current >= mission.total
+
+    def return_altitude_setting(self, altitude_m: float) -> tuple[str, float] | None:
+        """See FlightStack."""
+        return "RTL_ALT", round(altitude_m / _CENTIMETRES)
 
     def limits(self, values: ParameterValues) -> VehicleLimits:
         """See FlightStack; RTL_ALT 0 is a return at the height it has."""

@@ -120,6 +120,11 @@ class FlightStack(ABC):
     def picture_command(self, number: int) -> CommandCall:
         """The command that takes one picture; `number` counts from 1 and is not used twice."""
 
+    def return_altitude_setting(self, altitude_m: float) -> tuple[str, float] | None:
+        """Parameter and value that make the vehicle's return fly at a height above home; None when not known."""
+        del altitude_m
+        return None
+
     @abstractmethod
     def limits(self, values: ParameterValues) -> VehicleLimits:
         """What `limit_parameters` allow."""

@@ -158,6 +158,10 @@ class Px4(FlightStack):
         """See FlightStack: to the camera component; the number keeps a resent command from taking two pictures."""
         return CommandCall(Command.IMAGE_START_CAPTURE, (0.0, 0.0, 1.0, float(number)), to_camera=True)
 
+    def return_altitude_setting(self, altitude_m: float) -> tuple[str, float] | None:
+        """See FlightStack."""
+        return "RTL_RETURN_ALT", altitude_m
+
     def limits(self, values: ParameterValues) -> VehicleLimits:
         """See FlightStack."""
         return VehicleLimits(

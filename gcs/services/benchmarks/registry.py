@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 BENCHMARKS = {
     "paths": "grid search and string pulling: milliseconds, and length above a closed form",
     "tours": "tours and their proven lower bounds: cost, gap, seconds",
+    "trajectories": "minimum snap in corridors: milliseconds, cost and violation of each solver",
 }
 """Name (also of the module beside this one that has `run(quick)`) and what it measures."""
 

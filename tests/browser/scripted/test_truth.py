@@ -84,4 +84,4 @@ async def test_flight_is_followed(script: Any, told: Any, page: Page) -> None:
         await expect(page.get_by_test_id("image")).to_have_count(2)
         await page.locator("[data-testid=image][data-state=stored]").click()
         await expect(page.get_by_test_id("image-dialog")).to_contain_text("0000beef")
-        await page.wait_for_function("document.querySelector('[data-testid=image-dialog] img').naturalWidth === 320")
+        await expect(page.locator("[data-testid=image-dialog] img")).to_have_js_property("naturalWidth", 320)
