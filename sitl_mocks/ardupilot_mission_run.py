@@ -170,8 +170,6 @@ class ArduPilotMissionRun:
             vehicle.flight.take_off_to(up)
         elif item.command in _FLYING:
             self._target_m = self._place(item)
-            if self._yaw_rad is None or vehicle.parameters["WP_YAW_BEHAVIOR"] != 0:
-                self._yaw_rad = None
             yaw = self._yaw_rad if self._yaw_rad is not None else vehicle.flight.facing(self._target_m)
             vehicle.flight.fly_to(self._target_m, yaw)
         elif item.command == items.LAND:
@@ -232,6 +230,8 @@ class ArduPilotMissionRun:
 
     def _go_on_from(self, sequence: int) -> None:
         """Begin the next navigation command from here on; what lies before it runs beside it."""
+        if self._vehicle.parameters["WP_YAW_BEHAVIOR"] != 0:
+            self._yaw_rad = None  # a yaw condition holds for the leg it stands before
         side = None
         while sequence <= self.total:
             item = self.mission[sequence]

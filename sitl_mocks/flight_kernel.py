@@ -22,15 +22,15 @@ STEP_S = 0.004
 """Simulated time of one step (250 Hz)."""
 
 # Layout of the guidance array.
-POSITION, VELOCITY, ACCELERATION = 0, 3, 6
-YAW, YAW_RATE = 9, 10
-SOURCE = 11
-TARGET, TARGET_YAW = 12, 15
-SETPOINT_AGE = 16
-SETPOINT_POSITION, SETPOINT_VELOCITY, SETPOINT_ACCELERATION, SETPOINT_YAW = 17, 20, 23, 26
-SETPOINT_YAW_RATE = 27
-DETOUR_PHASE, DETOUR_TIME, DETOUR_HEIGHT, DETOUR_RISE_S = 28, 29, 30, 31
-GUIDANCE_SIZE = 32
+POSITION, VELOCITY, ACCELERATION, JERK = 0, 3, 6, 9
+YAW, YAW_RATE = 12, 13
+SOURCE = 14
+TARGET, TARGET_YAW = 15, 18
+SETPOINT_AGE = 19
+SETPOINT_POSITION, SETPOINT_VELOCITY, SETPOINT_ACCELERATION, SETPOINT_YAW = 20, 23, 26, 29
+SETPOINT_YAW_RATE = 30
+DETOUR_PHASE, DETOUR_TIME, DETOUR_HEIGHT, DETOUR_RISE_S = 31, 32, 33, 34
+GUIDANCE_SIZE = 35
 
 SOURCE_NONE, SOURCE_GOVERNOR, SOURCE_SETPOINT = 0.0, 1.0, 2.0
 DETOUR_OFF, DETOUR_RISING, DETOUR_HOLDING, DETOUR_FALLING = 0.0, 1.0, 2.0, 3.0
@@ -154,11 +154,13 @@ def _govern(guidance: Array, limits: Array) -> None:
     wanted = np.empty(3)
     for i in range(3):
         wanted[i] = _VELOCITY_GAIN * (speed * direction[i] - guidance[VELOCITY + i]) - slope * closing * direction[i]
+    # Shortened as a whole, so that a straight way stays straight.
     lean = math.sqrt(wanted[0] ** 2 + wanted[1] ** 2)
-    if lean > limits[MAX_ACCELERATION]:
-        wanted[0] *= limits[MAX_ACCELERATION] / lean
-        wanted[1] *= limits[MAX_ACCELERATION] / lean
-    wanted[2] = min(max(wanted[2], -limits[MAX_VERTICAL_ACCELERATION]), limits[MAX_VERTICAL_ACCELERATION])
+    wanted *= min(
+        1.0,
+        limits[MAX_ACCELERATION] / max(lean, 1e-9),
+        limits[MAX_VERTICAL_ACCELERATION] / max(abs(wanted[2]), 1e-9),
+    )
     change = 0.0
     for i in range(3):
         change += (wanted[i] - guidance[ACCELERATION + i]) ** 2
@@ -167,7 +169,8 @@ def _govern(guidance: Array, limits: Array) -> None:
     if change > limits[MAX_JERK] * STEP_S:
         share = limits[MAX_JERK] * STEP_S / change
     for i in range(3):
-        guidance[ACCELERATION + i] += share * (wanted[i] - guidance[ACCELERATION + i])
+        guidance[JERK + i] = share * (wanted[i] - guidance[ACCELERATION + i]) / STEP_S
+        guidance[ACCELERATION + i] += guidance[JERK + i] * STEP_S
         guidance[VELOCITY + i] += guidance[ACCELERATION + i] * STEP_S
         guidance[POSITION + i] += guidance[VELOCITY + i] * STEP_S
 
@@ -181,6 +184,7 @@ def _follow_setpoint(guidance: Array, limits: Array) -> None:
         if guidance[SETPOINT_AGE] > 0.5:
             guidance[SETPOINT_ACCELERATION : SETPOINT_ACCELERATION + 3] = 0.0
     guidance[POSITION : POSITION + 9] = guidance[SETPOINT_POSITION : SETPOINT_POSITION + 9]
+    guidance[JERK : JERK + 3] = 0.0
     if math.isnan(guidance[SETPOINT_YAW]):
         rate = 0.0 if math.isnan(guidance[SETPOINT_YAW_RATE]) else guidance[SETPOINT_YAW_RATE]
         guidance[YAW_RATE] = min(max(rate, -limits[MAX_YAW_RATE]), limits[MAX_YAW_RATE])
@@ -226,6 +230,7 @@ def _make_reference(state: Array, guidance: Array, limits: Array, g: Array, refe
         reference[i] = state[i]
         reference[3 + i] = guidance[VELOCITY + i] + correction[i]
         reference[6 + i] = guidance[ACCELERATION + i]
+        reference[9 + i] = guidance[JERK + i]
     reference[5] += speed
     reference[8] += acceleration
     if limits[CLIP_SETPOINT_SPEED] > 0.0:

@@ -185,7 +185,8 @@ def _ardupilot_place(item: StoredItem) -> StoredItem:
         p1, p2, p3, p4 = float(int(p1)), 0.0, 0.0, 0.0
     elif item.command == LAND:
         p1, p2, p3, p4 = float(int(p1)), 0.0, 0.0, (0.0 if math.isnan(p4) else p4)
-    z = float32(int(item.z * 100.0) / 100.0)  # kept in whole centimetres
+    # Kept in whole centimetres, by way of a product in single precision (which makes a second pass change nothing).
+    z = float32(int(float32(item.z * 100.0)) / 100.0)
     return StoredItem(_ARDUPILOT_FRAME[item.frame], item.command, (p1, p2, p3, p4), item.x, item.y, z)
 
 

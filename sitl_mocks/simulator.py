@@ -31,6 +31,8 @@ from sitl_mocks.vehicle_options import VehicleOptions
 KINDS: dict[str, type[SimulatedVehicle]] = {"px4": Px4Vehicle, "ardupilot": ArduPilotVehicle}
 _TICK_RANGE_S = (0.003, LOGIC_S)
 _MOST_CATCH_UP_S = 0.25
+_MOST_STEP_S = 0.4
+"""Vehicle time between two looks at the sockets, so that a stall of this process is not taken for a lost stream."""
 _PARENT_CHECK_S = 0.5
 _SPACING_M = 3.0
 
@@ -154,8 +156,8 @@ class Simulator:
             now = self._clock()
             if now < next_tick:
                 continue
-            # After a stall (a laptop that slept) the vehicles' clocks slip rather than race.
-            elapsed = min(now - last, _MOST_CATCH_UP_S)
+            # After a stall (a laptop that slept, a busy machine) the vehicles' clocks slip rather than race.
+            elapsed = min(now - last, _MOST_CATCH_UP_S, _MOST_STEP_S / o.speedup)
             last = now
             next_tick = max(next_tick + tick_s, now)
             self.step(elapsed * o.speedup, now)

@@ -11,7 +11,7 @@ import asyncio
 import logging
 import os
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Coroutine
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -28,6 +28,7 @@ Tell = Callable[[str, float], None]
 TOPIC = "gcs-progress"
 REPORT_EVERY_S = 0.1
 CLOSE_TIMEOUT_S = 10.0
+OBEY_S = 0.7
 CANCELLED = "planning was cancelled"
 
 _CONFIG = {
@@ -112,7 +113,7 @@ class PlanningJobs:
         self._futures: dict[str, Future] = {}
         self._tell: dict[str, Tell] = {}
         self._begun: set[str] = set()
-        self._cancelled: set[str] = set()
+        self._asked: dict[str, asyncio.Event] = {}
 
     async def run(self, job_id: str, function: Callable[..., R], *args: Any, tell: Tell) -> R:
         """Run one job to its end.
@@ -126,41 +127,53 @@ class PlanningJobs:
         Raises:
             GcsError: what the function raised; `OperationCancelled` after `cancel`.
         """
-        self._tell[job_id] = tell
+        loop = asyncio.get_running_loop()
+        self._tell[job_id] = lambda stage, fraction: _call_soon(loop, tell, stage, fraction)
+        asked = self._asked[job_id] = asyncio.Event()
         try:
-            client = await self._started()
-            self._raise_if_cancelled(job_id)
-            loop = asyncio.get_running_loop()
-            self._tell[job_id] = lambda stage, fraction: _call_soon(loop, tell, stage, fraction)
+            await _first(self._started(), asked)
+            if asked.is_set() or self._client is None:
+                raise OperationCancelled(CANCELLED)
             done = asyncio.Event()
-            future = client.submit(_task, job_id, function, args, key=job_id, pure=False, retries=0)
+            future = self._client.submit(_task, job_id, function, args, key=job_id, pure=False, retries=0)
             self._futures[job_id] = future
             future.add_done_callback(lambda _future: _call_soon(loop, done.set))
-            await done.wait()
-            if future.status == "cancelled":
-                raise OperationCancelled(CANCELLED)
+            await _first(done.wait(), asked)
+            if asked.is_set():
+                await self._stop(job_id, future, done)
             outcome = await asyncio.to_thread(_result_of, future)
             if outcome.error is not None:
                 raise outcome.error
             result: R = outcome.result
             return result
         finally:
+            for known in (self._asked, self._futures, self._tell):
+                known.pop(job_id, None)
             self._begun.discard(job_id)
-            self._futures.pop(job_id, None)
-            self._tell.pop(job_id, None)
-            self._cancelled.discard(job_id)
 
     async def cancel(self, job_id: str) -> None:
-        """Ask a job to stop; its `run` then raises `OperationCancelled` at its next report."""
-        if job_id not in self._tell:
-            return
-        self._cancelled.add(job_id)
-        future, client = self._futures.get(job_id), self._client
-        if future is None or client is None:
-            return
-        await asyncio.to_thread(client.run, _cancel_in_worker, job_id)
-        if job_id not in self._begun:
+        """Ask a job to stop; its `run` then raises `OperationCancelled` within a second."""
+        if job_id in self._asked:
+            self._asked[job_id].set()
+
+    async def _stop(self, job_id: str, future: Future, done: asyncio.Event) -> None:
+        """Stop a task that was submitted; one that does not look at its progress in time is left to do so later.
+
+        Raises:
+            OperationCancelled: it did not end by itself in the meantime.
+        """
+        client = self._client
+        if client is not None and not done.is_set():
+            try:
+                async with asyncio.timeout(OBEY_S):
+                    await asyncio.to_thread(client.run, _cancel_in_worker, job_id)
+                    if job_id in self._begun:
+                        await done.wait()
+            except TimeoutError:
+                log.warning("%s has not looked at its progress for %.1f s", job_id, OBEY_S)
+        if future.status != "finished":
             await asyncio.to_thread(future.cancel)
+            raise OperationCancelled(CANCELLED)
 
     async def close(self) -> None:
         """End the worker processes; jobs that are running end with them."""
@@ -173,13 +186,11 @@ class PlanningJobs:
         if cluster is not None:
             await asyncio.to_thread(cluster.close, CLOSE_TIMEOUT_S)
 
-    async def _started(self) -> Client:
-        if self._starting is None:
+    async def _started(self) -> None:
+        if self._starting is None or (self._starting.done() and self._starting.exception() is not None):
             self._starting = asyncio.create_task(asyncio.to_thread(self._start))
         # A job that is given up in the meantime does not stop the start, so that `close` finds all of it.
         await asyncio.shield(self._starting)
-        assert self._client is not None
-        return self._client
 
     def _start(self) -> None:
         import dask
@@ -205,9 +216,18 @@ class PlanningJobs:
         if tell is not None:
             tell(stage, fraction)
 
-    def _raise_if_cancelled(self, job_id: str) -> None:
-        if job_id in self._cancelled:
-            raise OperationCancelled(CANCELLED)
+
+async def _first(work: Coroutine[Any, Any, Any], asked: asyncio.Event) -> None:
+    """Wait for work to end, or for a cancel; the work's error is raised."""
+    tasks = {asyncio.ensure_future(work), asyncio.ensure_future(asked.wait())}
+    try:
+        ended, _ = await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
+        for task in ended:
+            task.result()
+    finally:
+        for task in tasks:
+            task.cancel()
+        await asyncio.gather(*tasks, return_exceptions=True)
 
 
 def _result_of(future: Future) -> _Outcome:

@@ -95,7 +95,8 @@ def build_mission(
     for viewpoint, leg in zip(plan.viewpoints, legs_m, strict=False):
         heading = math.degrees(heading_from_yaw(viewpoint.yaw_rad))
         writer.path(at, leg[:-1], leg[-1], heading)
-        writer.viewpoint(viewpoint, heading, *_settle_times_s(plan, before, viewpoint))
+        faced = writer.facing_on_the_way([at, *leg])
+        writer.viewpoint(viewpoint, heading, *_settle_times_s(plan, before, faced, viewpoint))
         before, at = viewpoint, leg[-1]
     heading = math.degrees(heading_from_yaw(before.yaw_rad)) if before is not None else 0.0
     writer.path(at, legs_m[-1], None, heading)
@@ -109,14 +110,20 @@ def build_mission(
     return Mission(tuple(writer.items), writer.pictures)
 
 
-def _settle_times_s(plan: Plan, before: Viewpoint | None, viewpoint: Viewpoint) -> tuple[float, float]:
-    """Delays before and after a picture (s), rounded up to tenths: both turns, and the camera's shortest interval."""
+def _settle_times_s(
+    plan: Plan, before: Viewpoint | None, faced_rad: Sequence[float], viewpoint: Viewpoint
+) -> tuple[float, float]:
+    """Delays before and after a picture (s), rounded up to tenths: both turns, and the camera's shortest interval.
+
+    `faced_rad` are the yaw angles that the vehicle has on its way to the viewpoint by itself.
+    """
     camera = plan.scenario.camera
     if before is None:
         tilt, turn = math.pi / 2, math.pi
     else:
         tilt = abs(viewpoint.gimbal_pitch_rad - before.gimbal_pitch_rad)
-        turn = abs(math.remainder(viewpoint.yaw_rad - before.yaw_rad, 2 * math.pi))
+        yaws = (before.yaw_rad, *faced_rad)
+        turn = max(abs(math.remainder(viewpoint.yaw_rad - yaw, 2 * math.pi)) for yaw in yaws)
     moving = max(math.degrees(tilt) / camera.gimbal.rate_deg_s, math.degrees(turn) / _YAW_RATE_DEG_S)
     settle = math.ceil(10 * (moving + _SETTLE_S)) / 10
     after = math.ceil(10 * max(_SETTLE_S, camera.min_interval_s - settle)) / 10
@@ -187,6 +194,10 @@ class _Writer:
     def waypoint_params(self, hold_s: float, radius_m: float, heading_deg: float) -> tuple[float, float, float, float]:
         raise NotImplementedError
 
+    def facing_on_the_way(self, points_m: Sequence[NDArray[np.float64]]) -> tuple[float, ...]:
+        """Yaw angles (rad) that the vehicle turns to by itself while it flies from point to point."""
+        raise NotImplementedError
+
     def viewpoint(self, viewpoint: Viewpoint, heading_deg: float, settle_s: float, after_s: float) -> None:
         params = self.waypoint_params(_HOLD_S, _VIEWPOINT_RADIUS_M, heading_deg)
         self.place(Command.NAV_WAYPOINT, viewpoint.position_m, params)
@@ -221,6 +232,10 @@ class _Px4Writer(_Writer):
     def waypoint_params(self, hold_s: float, radius_m: float, heading_deg: float) -> tuple[float, float, float, float]:
         return (hold_s, radius_m, 0.0, heading_deg)
 
+    def facing_on_the_way(self, points_m: Sequence[NDArray[np.float64]]) -> tuple[float, ...]:
+        del points_m  # the waypoints' param4 has it look to where the picture will be taken
+        return ()
+
     def point_camera(self, pitch_deg: float, heading_deg: float) -> None:
         del heading_deg  # the waypoint's param4 holds it
         self.action(Command.DO_GIMBAL_MANAGER_PITCHYAW, (pitch_deg, 0.0, NAN, NAN), x=_GIMBAL_LOCKS_ROLL_AND_PITCH)
@@ -247,6 +262,11 @@ class _ArduPilotWriter(_Writer):
     def waypoint_params(self, hold_s: float, radius_m: float, heading_deg: float) -> tuple[float, float, float, float]:
         del radius_m, heading_deg  # not stored by the vehicle
         return (hold_s, 0.0, 0.0, 0.0)
+
+    def facing_on_the_way(self, points_m: Sequence[NDArray[np.float64]]) -> tuple[float, ...]:
+        # The nose turns to the next waypoint (WP_YAW_BEHAVIOR), whatever a CONDITION_YAW said before.
+        steps = np.diff(np.asarray(points_m, dtype=np.float64), axis=0)
+        return tuple(float(np.arctan2(step[1], step[0])) for step in steps)
 
     def point_camera(self, pitch_deg: float, heading_deg: float) -> None:
         # A condition holds up the actions behind it, and they are dropped when the delay ends: the gimbal goes first.

@@ -188,6 +188,8 @@ class Vehicle(VehicleFlight):
             return
         if mode is FlightMode.OFFBOARD and change is ModeChange.COMMANDED:
             self._in_offboard = True
+        elif change is ModeChange.COMMANDED and mode is FlightMode.TAKEOFF and not self._in_offboard:
+            pass  # the take-off that leads here, shown late
         elif change is ModeChange.COMMANDED:
             session.halt(OffboardEnd.STOPPED if self._leaving else OffboardEnd.COMMANDED)
         elif self._in_offboard or change is not ModeChange.OWN:

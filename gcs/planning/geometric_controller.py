@@ -114,43 +114,43 @@ def control(state: Array, reference: Array, p: Array, gains: Array, commands: Ar
         force[0] *= shrink
         force[1] *= shrink
     w, x, y, z = state[6], state[7], state[8], state[9]
-    r = np.array(
-        [
-            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-        ]
-    )
+    r = np.empty((3, 3))
+    r[0, 0], r[0, 1], r[0, 2] = 1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)
+    r[1, 0], r[1, 1], r[1, 2] = 2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)
+    r[2, 0], r[2, 1], r[2, 2] = 2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)
     thrust = force[0] * r[0, 2] + force[1] * r[1, 2] + force[2] * r[2, 2]
 
+    # Desired attitude, columns x, y, z: z along the force, y level and across the heading.
     size = math.sqrt(force[0] ** 2 + force[1] ** 2 + force[2] ** 2)
-    zd = force / size
-    heading = np.array([math.cos(reference[12]), math.sin(reference[12]), 0.0])
-    yd = np.cross(zd, heading)
-    yd /= math.sqrt(yd[0] ** 2 + yd[1] ** 2 + yd[2] ** 2)
-    xd = np.cross(yd, zd)
     rd = np.empty((3, 3))
-    rd[:, 0] = xd
-    rd[:, 1] = yd
-    rd[:, 2] = zd
+    for i in range(3):
+        rd[i, 2] = force[i] / size
+    c, s = math.cos(reference[12]), math.sin(reference[12])
+    rd[0, 1], rd[1, 1], rd[2, 1] = -rd[2, 2] * s, rd[2, 2] * c, rd[0, 2] * s - rd[1, 2] * c
+    norm = math.sqrt(rd[0, 1] ** 2 + rd[1, 1] ** 2 + rd[2, 1] ** 2)
+    for i in range(3):
+        rd[i, 1] /= norm
+    for i in range(3):
+        j, k = (i + 1) % 3, (i + 2) % 3
+        rd[i, 0] = rd[j, 1] * rd[k, 2] - rd[k, 1] * rd[j, 2]
 
     # By flatness: the jerk across the thrust axis turns it; u_1 is what the desired force says.
-    jerk = reference[9:12]
-    along = jerk[0] * zd[0] + jerk[1] * zd[1] + jerk[2] * zd[2]
-    across = (jerk - along * zd) * (mass / size)
-    rate_d = np.array(
-        [
-            -(across[0] * yd[0] + across[1] * yd[1] + across[2] * yd[2]),
-            across[0] * xd[0] + across[1] * xd[1] + across[2] * xd[2],
-            reference[13] * zd[2],
-        ]
-    )
-    error = rd.T @ r  # R_d' R
-    rate_in_body = error.T @ rate_d
+    across_x, across_y = 0.0, 0.0
+    for i in range(3):
+        across_x += reference[9 + i] * rd[i, 0] * mass / size
+        across_y += reference[9 + i] * rd[i, 1] * mass / size
+    rate_d = (-across_y, across_x, reference[13] * rd[2, 2])
+
+    error = np.zeros((3, 3))  # R_d' R
+    for i in range(3):
+        for j in range(3):
+            for k in range(3):
+                error[i, j] += rd[k, i] * r[k, j]
     torque = np.empty(3)
     lever = (error[2, 1] - error[1, 2], error[0, 2] - error[2, 0], error[1, 0] - error[0, 1])
     for i in range(3):
-        torque[i] = p[1 + i] * (-gains[2] * 0.5 * lever[i] - gains[3] * (state[10 + i] - rate_in_body[i]))
+        rate_in_body = error[0, i] * rate_d[0] + error[1, i] * rate_d[1] + error[2, i] * rate_d[2]
+        torque[i] = p[1 + i] * (-gains[2] * 0.5 * lever[i] - gains[3] * (state[10 + i] - rate_in_body))
     allocate_motors(thrust, torque, p, commands)
 
 

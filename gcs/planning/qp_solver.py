@@ -215,4 +215,4 @@ def solve_checked(
         if answer.solved and answer.violation <= violation and answer.gap <= gap:
             return answer
         tried.append(f"{answer.solver} {answer.status}, violation {answer.violation:.1e}, gap {answer.gap:.1e}")
-    raise SolverError(f"no minimum-snap curve was found in the corridor ({'; '.join(tried)})")
+    raise SolverError(f"no solver found a curve in the corridor, a wider one may help ({'; '.join(tried)})")

@@ -175,16 +175,18 @@ def _derivative(state: Array, commands: Array, wind: Array, p: Array, out: Array
 @compiled
 def step_quadrotor(state: Array, commands: Array, wind: Array, dt: float, p: Array) -> None:
     """Advance one state in place by one step of the classical fourth-order Runge-Kutta method."""
-    k1 = np.empty(STATE_SIZE)
-    k2 = np.empty(STATE_SIZE)
-    k3 = np.empty(STATE_SIZE)
-    k4 = np.empty(STATE_SIZE)
-    _derivative(state, commands, wind, p, k1)
-    _derivative(state + 0.5 * dt * k1, commands, wind, p, k2)
-    _derivative(state + 0.5 * dt * k2, commands, wind, p, k3)
-    _derivative(state + dt * k3, commands, wind, p, k4)
+    start = np.empty(STATE_SIZE)
+    slope = np.empty(STATE_SIZE)
+    total = np.zeros(STATE_SIZE)
     for i in range(STATE_SIZE):
-        state[i] += dt / 6.0 * (k1[i] + 2.0 * k2[i] + 2.0 * k3[i] + k4[i])
+        start[i] = state[i]
+    for stage in range(4):
+        _derivative(state, commands, wind, p, slope)
+        weight = 2.0 if stage in (1, 2) else 1.0
+        reach = dt if stage == 2 else 0.5 * dt
+        for i in range(STATE_SIZE):
+            total[i] += weight * slope[i]
+            state[i] = start[i] + (reach * slope[i] if stage < 3 else dt / 6.0 * total[i])
     norm = math.sqrt(state[6] ** 2 + state[7] ** 2 + state[8] ** 2 + state[9] ** 2)
     for i in range(6, 10):
         state[i] /= norm

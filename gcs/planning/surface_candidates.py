@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from gcs.planning.camera_footprint import faces_camera, footprint_area, furthest_in_image
+from gcs.planning.camera_footprint import footprint_area, furthest_in_image
 from gcs.planning.coverage import random_places
 from gcs.planning.viewpoint_pose import camera_angles, camera_axes, gimbal_pitch_range_rad
 
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 AIMS = 10
 """Directions that are tried at every place."""
 
-FEWEST_PLACES, MOST_PLACES = 300, 1400
+FEWEST_PLACES, MOST_PLACES = 600, 1500
 PLACES_PER_PICTURE = 3.0
 """Places tried for every picture that the surface would take if it were flat and seen square on."""
 
@@ -84,6 +84,8 @@ class CandidateSearch:
         self._space = space
         self._sight = sight
         self._rng = rng
+        self._least_cosine = math.cos(math.radians(task.max_incidence_deg))
+        self._corner_distance = furthest_in_image(camera, self._depth_limit)
         self._pitch = gimbal_pitch_range_rad(camera.gimbal.pitch_min_deg, camera.gimbal.pitch_max_deg)
 
     def find(self, area_m2: float, progress: Progress) -> list[CandidateView]:
@@ -140,11 +142,11 @@ class CandidateSearch:
 
     def _visible_from(self, place: NDArray[np.float64]) -> NDArray[np.int64]:
         """Targets that a camera at a place could show, whatever way it looks."""
-        ray = self._targets.points_m - place
-        near = np.einsum("ij,ij->i", ray, ray) <= furthest_in_image(self._camera, self._depth_limit) ** 2
-        which = np.flatnonzero(near)
-        points, normals = self._targets.points_m[which], self._targets.normals[which]
-        which = which[faces_camera(place, points, normals, math.radians(self._task.max_incidence_deg))]
+        to_camera = place - self._targets.points_m
+        squared = np.einsum("ij,ij->i", to_camera, to_camera)
+        along = np.einsum("ij,ij->i", to_camera, self._targets.normals)
+        facing = (along > 0) & (along * along >= self._least_cosine**2 * squared)
+        which = np.flatnonzero(facing & (squared <= self._corner_distance**2))
         return which[self._sight.clear(place, self._lifted[which])]
 
     def _aimed(self, place: NDArray[np.float64], visible: NDArray[np.int64], *, open_sky: bool) -> list[CandidateView]:
@@ -157,7 +159,7 @@ class CandidateSearch:
         # one step of mean shift moves an aim from the edge of what is there towards its middle
         inside, _, _ = self._in_core(ray, aims)
         sums = inside.astype(np.float64) @ unit
-        moved = np.where(inside.any(axis=1)[:, None], sums, aims)
+        moved = np.where((sums**2).sum(axis=1)[:, None] > 0, sums, aims)
         inside, direction, depth = self._in_core(ray, np.vstack([moved, aims]))
         kept: dict[bytes, CandidateView] = {}
         for k in np.flatnonzero(inside.any(axis=1)):
@@ -187,4 +189,4 @@ class CandidateSearch:
         inside = (depth > 0) & (depth <= self._depth_limit)
         inside &= np.abs(right @ ray.T) <= core * self._camera.half_width_tangent * depth
         inside &= np.abs(up @ ray.T) <= core * self._camera.half_height_tangent * depth
-        return inside, direction, depth
+        return np.asarray(inside), direction, depth

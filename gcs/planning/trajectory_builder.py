@@ -67,6 +67,11 @@ def estimated_leg_time_s(length_m: NDArray[np.float64], limits: FlightLimits) ->
     return np.where(length_m < ramp, short, long)
 
 
+def _has_length(leg_m: NDArray[np.float64]) -> bool:
+    """Whether a leg goes anywhere: pictures in two directions may be taken from one place."""
+    return bool(np.abs(leg_m - leg_m[0]).max() > 1e-9)
+
+
 def build_trajectory(
     legs_m: Sequence[NDArray[np.float64]],
     yaw_rad: NDArray[np.float64],
@@ -94,36 +99,33 @@ def build_trajectory(
     limits = FlightLimits(vehicle.max_speed_m_s, vehicle.max_acceleration_m_s2, vehicle.max_jerk_m_s3)
     half_width = scenario.safety.corridor_half_width_m
     last = len(legs_m) - 1
-    corridors = [
-        build_corridor(
-            leg,
-            half_width,
-            longest_segment_m(limits, half_width),
-            column_at_start=index == 0,
-            column_at_end=index == last,
-        )
+    longest = longest_segment_m(limits, half_width)
+    corridors = {
+        index: build_corridor(leg, half_width, longest, column_at_start=index == 0, column_at_end=index == last)
         for index, leg in enumerate(legs_m)
-    ]
-    flown = time_legs(corridors, limits, solvers or default_solvers(), progress)
+        if _has_length(leg)
+    }
+    timed = time_legs(list(corridors.values()), limits, solvers or default_solvers(), progress)
+    flown = dict(zip(corridors, timed, strict=True))
     schedule = schedule_views(
-        np.array([leg.durations_s.sum() for leg in flown]),
+        np.array([flown[index].durations_s.sum() if index in flown else 0.0 for index in range(len(legs_m))]),
         yaw_rad,
         gimbal_pitch_rad,
         gimbal_rate_rad_s=math.radians(camera.gimbal.rate_deg_s),
         min_interval_s=camera.min_interval_s,
     )
     coefficients, durations, boxes = [], [], []
-    for index, (leg, corridor) in enumerate(zip(flown, corridors, strict=True)):
-        coefficients.append(monomial_from_control(leg.control))
-        durations.append(leg.durations_s)
-        boxes.append(corridor.boxes_m)
+    for index, leg in enumerate(legs_m):
+        if index in flown:
+            coefficients.append(monomial_from_control(flown[index].control))
+            durations.append(flown[index].durations_s)
+            boxes.append(corridors[index].boxes_m)
         if index < last:
-            stop = corridor.joints_m[-1]
             rest = np.zeros((1, DEGREE + 1, 3))
-            rest[0, 0] = stop
+            rest[0, 0] = leg[-1]
             coefficients.append(rest)
             durations.append(schedule.dwells_s[index : index + 1])
-            boxes.append(np.stack([stop - half_width, stop + half_width])[None])
+            boxes.append(np.stack([leg[-1] - half_width, leg[-1] + half_width])[None])
     progress.report("trajectory", 1.0)
     return BuiltTrajectory(
         trajectory=PiecewisePolynomial(np.concatenate(coefficients), np.concatenate(durations)),

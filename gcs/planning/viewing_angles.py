@@ -26,6 +26,9 @@ SETTLE_S = 1.0
 HOLD_S = 0.2
 """Rest after an exposure, for a trigger that comes late."""
 
+_BRIEF_S = 1e-3
+"""Knots are at least this far apart, also between two viewpoints at one place."""
+
 _STEP_PEAK = 1.5
 """A smooth step's largest rate over its mean rate."""
 
@@ -60,7 +63,7 @@ def schedule_views(
 
     Args:
         leg_durations_s: flight times of the legs: home to the first viewpoint, ..., the last viewpoint to home,
-            shape (V + 1,), V >= 1.
+            shape (V + 1,), V >= 1; 0 between two viewpoints at one place.
         yaw_rad: vehicle yaw at each viewpoint, any multiple of a turn off, shape (V,).
         gimbal_pitch_rad: camera pitch at each viewpoint, shape (V,).
         gimbal_rate_rad_s: largest pitch rate.
@@ -88,7 +91,7 @@ def schedule_views(
         knots.append(leave)
         flight = float(leg_durations_s[index + 1])
         if index + 1 < len(yaw):
-            turned = leave + max(float(turns[index]), flight)
+            turned = leave + max(float(turns[index]), flight, _BRIEF_S)
             knots.append(turned)
         arrival = leave + flight
     times = np.array([*knots, arrival])

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from gcs.core.errors import InputError
+from gcs.core.errors import InfeasibleError, InputError
 from gcs.planning.surface_candidates import STAGE
 from gcs.planning.viewpoints_points import FARTHER, find_point_viewpoint, stand_off_m
 from gcs.planning.viewpoints_surface import find_surface_viewpoints
@@ -56,7 +56,7 @@ def find_viewpoints(
         scenario: what is to be inspected, with which camera.
         structure: what stands in the scene.
         space: where the vehicle's centre may be.
-        distance: exact distances.
+        distance: exact distances, which every viewpoint is checked against once more.
         progress: told about the stage `viewpoints`.
 
     Returns:
@@ -78,5 +78,13 @@ def find_viewpoints(
     if surface is not None:
         reach = min(scenario.camera.distance_for_gsd(surface.gsd_mm / 1000), MOST_STAND_OFF_M)
         poses += find_surface_viewpoints(scenario, surface, structure, space, sight, reach, poses, progress)
+    _require_clearance(poses, scenario.centre_clearance_m, distance)
     progress.report(STAGE, 1.0)
     return poses
+
+
+def _require_clearance(poses: list[ViewpointPose], clearance_m: float, distance: SceneDistance) -> None:
+    found = distance.distance([p.position_m for p in poses], limit=clearance_m)
+    for pose, d in zip(poses, found, strict=True):
+        if d < clearance_m:
+            raise InfeasibleError(f"viewpoint {pose.name} is {d:.2f} m from a surface; {clearance_m:.2f} m are kept")

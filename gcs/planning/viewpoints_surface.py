@@ -24,11 +24,11 @@ if TYPE_CHECKING:
     from gcs.planning.viewpoint_pose import ViewpointPose
     from gcs.planning.visibility import SightLines
 
-COVERED_SHARE = 0.99
+COVERED_SHARE = 0.985
 """Of the sampled sides that any candidate sees. The rest are slits that each cost a view of their own."""
 
 SAMPLES_PER_PICTURE = 30
-FEWEST_SAMPLES, MOST_SAMPLES = 4000, 15000
+FEWEST_SAMPLES, MOST_SAMPLES = 8000, 20000
 
 UNDER_COVER = 0.9
 NEAREST = 0.9
@@ -66,8 +66,8 @@ def find_surface_viewpoints(
     if needed < space.clearance_m:
         best = 1000 * camera.gsd_at(space.clearance_m)
         raise InfeasibleError(
-            f"a GSD of {task.gsd_mm:g} mm asks for {needed:.2f} m, but the vehicle keeps {space.clearance_m:.2f} m (hull, "
-            f"error budget and corridor): the best it can have is {best:.2f} mm",
+            f"a GSD of {task.gsd_mm:g} mm asks for {needed:.2f} m, but the vehicle keeps {space.clearance_m:.2f} m "
+            f"(hull, error budget and corridor): the best it can have is {best:.2f} mm",
             field="inspection.surface.gsd_mm",
         )
     rng = np.random.default_rng(scenario.planner.seed)

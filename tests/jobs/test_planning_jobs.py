@@ -45,6 +45,13 @@ def work_for_long(progress):
     return "ran to its end"
 
 
+def look_away(progress):
+    progress.report("looking away", 0.0)
+    time.sleep(4)
+    progress.report("looking again", 0.0)
+    return "ran to its end"
+
+
 @pytest.fixture
 async def jobs():
     jobs = PlanningJobs(workers=1)
@@ -106,6 +113,16 @@ async def test_a_cancel_is_obeyed_within_a_second_also_by_a_job_that_waits(jobs)
         await running
     assert time.monotonic() - asked < 1.0
 
+    # Also by one that does not look at its progress for longer; it stops as soon as it does.
+    begun.clear()
+    blind = asyncio.create_task(jobs.run("blind", look_away, tell=lambda *_: begun.set()))
+    await asyncio.wait_for(begun.wait(), WAIT_S)
+    asked = time.monotonic()
+    await jobs.cancel("blind")
+    with pytest.raises(OperationCancelled):
+        await blind
+    assert time.monotonic() - asked < 1.0
+
     # The worker is free again.
     assert (await jobs.run("after", add, 1, 1, tell=lambda *_: None))[0] == 2
 
@@ -113,10 +130,12 @@ async def test_a_cancel_is_obeyed_within_a_second_also_by_a_job_that_waits(jobs)
 async def test_a_job_that_is_cancelled_before_its_cluster_is_up_never_runs(jobs):
     told = []
     task = asyncio.create_task(jobs.run("early", work_for_long, tell=lambda *r: told.append(r)))
-    await asyncio.sleep(0)
+    await asyncio.sleep(0.1)
+    asked = time.monotonic()
     await jobs.cancel("early")
     with pytest.raises(OperationCancelled):
         await task
+    assert time.monotonic() - asked < 1.0
     assert told == []
 
 

@@ -162,6 +162,15 @@ def test_delay_before_a_picture_is_long_enough_for_both_turns(autopilot):
     assert all(d < 12 for d in delays)
 
 
+def test_ardupilot_has_time_to_turn_back_from_where_its_nose_points_on_the_way():
+    same = (viewpoint(0, (0, 0, 30), 90, 0), viewpoint(1, (0, -20, 30), 90, 0))
+    plan = SimpleNamespace(scenario=scenario(), viewpoints=same)
+    legs = [np.array([[0.0, 0, 30]]), np.array([[0.0, -20, 30]]), np.array([[-20.0, -20, 30]])]
+    for autopilot, turn_deg in ((ARDUPILOT, 180), (PX4, 0)):  # it flies south; PX4 is told to look north all the way
+        built = build_mission(plan, TAKEOFF, legs, autopilot)
+        assert built.items[built.viewpoint_items[1] - 1].params[0] == pytest.approx(turn_deg / 30 + 1.0, abs=0.11)
+
+
 def test_shortest_interval_of_the_camera_is_kept():
     built = mission(PX4, min_interval_s=30.0)
     for k in built.viewpoint_items.values():

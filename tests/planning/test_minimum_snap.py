@@ -170,5 +170,5 @@ def test_a_group_that_fails_is_solved_in_smaller_groups(bent):
 
 def test_a_leg_without_a_solution_is_named(bent):
     corridor, durations = bent
-    with pytest.raises(SolverError, match=r"leg 1: no minimum-snap curve .*PIQP no"):
+    with pytest.raises(SolverError, match=r"leg 1: no solver found a curve .*PIQP no"):
         minimum_snap([wide([[0, 0, 0], [1, 0, 0]]), corridor], [np.ones(1), durations], [FailsOn(0)])

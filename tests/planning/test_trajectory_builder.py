@@ -3,8 +3,10 @@
 import numpy as np
 import pytest
 
+from gcs.core.progress import SilentProgress
 from gcs.planning.time_allocation import FlightLimits
-from gcs.planning.trajectory_builder import estimated_leg_time_s
+from gcs.planning.trajectory_builder import build_trajectory, estimated_leg_time_s
+from gcs.planning.viewing_angles import YAW_RATE_RAD_S
 
 
 def test_it_starts_and_ends_at_home_at_rest_and_straight_up(tower_flight, tower_scenario):
@@ -56,3 +58,15 @@ def test_the_estimate_of_leg_times_is_a_close_lower_bound(tower_flight, tower_sc
     assert legs.sum() == pytest.approx(length)
     assert 0.6 * flown < estimated_leg_time_s(legs, limits).sum() < flown
     np.testing.assert_allclose(estimated_leg_time_s(np.array([2.5, 10.0, 25.0]), limits), [2.0, 4.0, 7.0])
+
+
+def test_two_viewpoints_at_one_place_are_two_exposures_with_a_turn_between(tower_scenario):
+    home = np.array(tower_scenario.home_m)
+    over_home, stop = home + np.array([0, 0, 8.0]), np.array([-10.0, 0, 10])
+    legs = [np.array([home, over_home, stop]), np.array([stop, stop]), np.array([stop, over_home, home])]
+    built = build_trajectory(legs, np.array([0.0, 1.5]), np.zeros(2), tower_scenario, SilentProgress())
+    np.testing.assert_allclose(built.trajectory.value(built.exposures_s), [stop, stop], atol=1e-9)
+    np.testing.assert_allclose(built.yaw.value(built.exposures_s), [0.0, 1.5], atol=1e-9)
+    assert np.diff(built.exposures_s)[0] > 1.5 * 1.5 / YAW_RATE_RAD_S
+    assert len(built.corridor_m) == len(built.trajectory.durations_s)
+    np.testing.assert_allclose(built.trajectory.value(built.trajectory.duration_s), home, atol=1e-9)

@@ -10,16 +10,19 @@ from hypothesis import strategies as st
 from gcs.planning.viewing_angles import HOLD_S, SETTLE_S, YAW_RATE_RAD_S, schedule_views
 
 ANGLE = st.floats(-math.pi, math.pi)
+FLIGHT = st.one_of(st.floats(0.3, 20), st.just(0.0))
 
 
 @settings(max_examples=60, deadline=None)
 @given(
-    st.lists(st.tuples(st.floats(0.3, 20), ANGLE, st.floats(-1.5, 0.5)), min_size=1, max_size=8),
+    st.lists(
+        st.tuples(st.one_of(st.floats(0.3, 20), st.just(0.0)), ANGLE, st.floats(-1.5, 0.5)), min_size=1, max_size=8
+    ),
     st.floats(0.2, 2),
     st.floats(0, 6),
 )
 def test_rates_settling_intervals_and_angles(stops, gimbal_rate, interval):
-    legs = np.array([s[0] for s in stops] + [4.0])
+    legs = np.array([5.0] + [s[0] for s in stops[1:]] + [4.0])
     yaw, pitch = np.array([s[1] for s in stops]), np.array([s[2] for s in stops])
     s = schedule_views(legs, yaw, pitch, gimbal_rate_rad_s=gimbal_rate, min_interval_s=interval)
     arrivals = np.cumsum(legs[:-1]) + np.concatenate([[0], np.cumsum(s.dwells_s)[:-1]])

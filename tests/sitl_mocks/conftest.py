@@ -128,6 +128,7 @@ class Ground:
         for seq in range(count.count):
             answer = self.send(mavlink.MAVLink_mission_request_int_message(1, 1, seq, 0))
             items += self.of("MISSION_ITEM_INT", answer)
+            items[-1].target_system = items[-1].target_component = 1  # so that it can be sent back
         self.send(mavlink.MAVLink_mission_ack_message(1, 1, 0, 0))
         return items
 

@@ -59,7 +59,7 @@ def test_what_changes_in_an_item(ardupilot):
 def test_sent_again_and_read_back_is_identical(ardupilot):
     ardupilot.upload([ardupilot.item(0, 0, 16), ardupilot.item(1, 6, 22), ardupilot.item(2, 6, 16, z=7.777)])
     once = ardupilot.download()
-    ardupilot.upload(once)
+    assert ardupilot.upload(once)[0] == 0
     assert [str(i) for i in ardupilot.download()] == [str(i) for i in once]
 
 

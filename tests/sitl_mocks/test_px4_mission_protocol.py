@@ -52,7 +52,7 @@ def test_what_changes_in_an_item(px4):
 def test_sent_again_and_read_back_is_identical(px4):
     px4.upload([px4.item(0, 0, 22, current=1), px4.item(1, 3, 16, (1.0, 0.5, 9.0, 370.0), z=12.34567)])
     once = px4.download()
-    px4.upload(once)
+    assert px4.upload(once)[0] == 0
     twice = px4.download()
     assert [str(i) for i in once] == [str(i) for i in twice]
 

@@ -98,3 +98,36 @@ async def test_refusal_is_told_in_its_own_words(script: Any, told: Any, page: Pa
         await expect(page.get_by_test_id("action-problem")).to_have_text("the pilot has taken over")
         await expect(page.get_by_test_id("log")).to_contain_text("the pilot has taken over")
         await expect(page.get_by_test_id("flight-state")).to_have_text("flying")
+
+
+@pytest.mark.parametrize("size", [(1280, 800), (1920, 1080)])
+async def test_no_command_is_out_of_sight(script: Any, told: Any, page: Page, size: tuple[int, int]) -> None:
+    """Pause, return and land stay inside the flight bar and nothing covers them, in every state of a flight."""
+    await page.set_viewport_size({"width": size[0], "height": size[1]})
+    script.replies["GET /flights/flight-1/on-vehicle"] = told.on_vehicle()
+    script.replies["GET /flights/flight-1/preflight"] = told.checks(
+        *[(f"check_{i}", "needs_acceptance", f"P{i}") for i in range(16)]
+    )
+    with_flight(script, told)
+    async with script.running():
+        await page.goto(script.url)
+        await page.get_by_test_id("check").click()
+        await expect(page.get_by_test_id("preflight")).to_be_visible()
+        figures = {"viewpoints_reached": 4, "images_received": 4, "max_cross_track_m": 11.25}
+        for state in ("created", "uploading", "uploaded", "flying", "held", "completed"):
+            changed = told.flight(state=state, proved=True, started_at=told.NOW, **figures)
+            await script.push(live.FlightMessage(flight=changed))
+            await expect(page.get_by_test_id("flight-bar")).to_have_attribute("data-state", state)
+            bar = await page.get_by_test_id("flight-bar").bounding_box()
+            assert bar
+            assert bar["y"] + bar["height"] <= size[1]
+            for name in ("pause", "return", "land"):
+                button = await page.get_by_test_id(name).bounding_box()
+                assert button
+                assert bar["x"] <= button["x"], (state, name)
+                assert button["x"] + button["width"] <= bar["x"] + bar["width"], (state, name)
+                middle = {"x": button["x"] + button["width"] / 2, "y": button["y"] + button["height"] / 2}
+                on_top = await page.evaluate(
+                    "({x, y}) => document.elementFromPoint(x, y)?.closest('[data-testid]')?.dataset.testid", middle
+                )
+                assert on_top == name, (state, name)

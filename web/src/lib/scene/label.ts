@@ -3,7 +3,7 @@ import { CanvasTexture, Sprite, SpriteMaterial } from 'three';
 const FONT_PX = 26;
 const HEIGHT_PX = 36;
 /** Height of a label as a share of the view's height at any distance. */
-const SCREEN_HEIGHT = 0.028;
+const SCREEN_HEIGHT = 0.023;
 
 /** A short text that always faces the viewer and keeps its size on the screen. */
 export function label(text: string, color: string): Sprite {

@@ -90,15 +90,6 @@ export class SceneView {
     this.requestDraw();
   }
 
-  /** Turn the view to a point without changing the distance. */
-  lookAt(point: readonly number[]): void {
-    const target = new Vector3(point[0], point[1], point[2]);
-    this.camera.position.add(target.clone().sub(this.controls.target));
-    this.controls.target.copy(target);
-    this.controls.update();
-    this.requestDraw();
-  }
-
   /** Where a point is on the canvas, in CSS pixels; null behind the camera. */
   project(point: Vector3): Vector2 | null {
     const p = point.clone().project(this.camera);

@@ -4,7 +4,6 @@ import type { OnVehicle, PlanDetail, ReplanInfo, TrackSample } from '../api/type
 import { CoverageLayer, type SampleState } from './coverage_layer';
 import { DetourLayer, FlownLayer, OnVehicleLayer } from './flight_layers';
 import { COMMON_VIEW, type FieldOfView } from './frustum';
-import type { Point3 } from './lines';
 import { HomeLayer, PathLayer, TrajectoryLayer, ViewpointLayer, type DrawnViewpoint } from './plan_layer';
 import { SceneView } from './scene';
 import { GroundLayer, StructureLayer, type TriangleMesh } from './structure_layer';
@@ -95,10 +94,6 @@ export class World {
   /** Look at the whole plan. */
   fit(): void {
     if (this.bounds) this.view.fit(this.bounds.low, this.bounds.high);
-  }
-
-  lookAt(point: Point3): void {
-    this.view.lookAt(point);
   }
 
   /** The viewpoint under a spot of the canvas (CSS pixels). */

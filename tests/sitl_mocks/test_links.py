@@ -1,0 +1,159 @@
+"""Faults of links, and the control port's commands, without waiting for anything."""
+
+import json
+import socket
+
+import pytest
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from sitl_mocks.channel import FaultyPipe, LinkFaults
+from sitl_mocks.command_line import main
+from sitl_mocks.simulator import Simulator, SimulatorOptions
+
+
+def passed(faults, seed=1, n=2000):
+    out = []
+    pipe = FaultyPipe(out.append, faults, seed)
+    for i in range(n):
+        pipe.put(b"%d" % i, 0.0)
+    return out, pipe
+
+
+def test_loss_is_as_asked_and_reproducible():
+    out, _ = passed(LinkFaults(loss=0.1))
+    assert 1740 < len(out) < 1860
+    assert out == passed(LinkFaults(loss=0.1))[0]
+    assert out != passed(LinkFaults(loss=0.1), seed=2)[0]
+    assert passed(LinkFaults())[0] == [b"%d" % i for i in range(2000)]
+    assert passed(LinkFaults(cut=True))[0] == []
+
+
+def test_duplicates():
+    out, _ = passed(LinkFaults(duplicate=0.5))
+    assert 2900 < len(out) < 3100
+
+
+def test_delays_let_packets_overtake_each_other():
+    out, pipe = passed(LinkFaults(delay_s=1.0))
+    assert out == []
+    pipe.release(0.5)
+    half = len(out)
+    assert 850 < half < 1150
+    pipe.release(1.0)
+    assert len(out) == 2000
+    assert out != sorted(out, key=int)
+
+
+@pytest.fixture
+def simulator():
+    clock = [0.0]
+    sim = Simulator(SimulatorOptions(port=9, control_port=0, tcp_base=0), lambda: clock[0])
+    sim.open()
+
+    def advance(seconds):
+        for _ in range(round(seconds / 0.02)):
+            clock[0] += 0.02
+            sim.step(0.02, clock[0])
+
+    sim.advance = advance
+    yield sim
+    sim.close()
+
+
+def test_control_commands(simulator):
+    simulator.advance(3.0)
+    state = simulator.command(None, "state", [])
+    assert (state["armed"], state["mode"], state["gone"]) == (False, "AUTO.LOITER", False)
+    assert state["position_m"] == pytest.approx([-20.0, -20.0, 0.0], abs=0.01)
+    simulator.command(1, "mode", ["posctl"])
+    assert simulator.command(1, "state", [])["mode"] == "POSCTL"
+    simulator.command(1, "battery", ["0.5"])
+    assert simulator.command(1, "state", [])["battery"] == pytest.approx(0.5, abs=0.01)
+    simulator.command(1, "param", ["NAV_DLL_ACT", "0"])
+    boot = simulator.command(1, "state", [])["replan"]["boot_id"]
+    simulator.command(1, "reboot", [])
+    simulator.advance(0.1)
+    state = simulator.command(1, "state", [])
+    assert state["time_s"] < 0.5
+    assert state["replan"]["boot_id"] != boot
+    simulator.command(1, "vanish", [])
+    simulator.advance(1.0)
+    assert simulator.command(1, "state", [])["time_s"] == state["time_s"]
+    for bad in (("nonsense", []), ("mode", ["NOPE"]), ("loss", ["x"])):
+        with pytest.raises(ValueError, match=r"\w"):
+            simulator.command(1, *bad)
+    with pytest.raises(ValueError, match="no vehicle 7"):
+        simulator.command(7, "state", [])
+
+
+def test_the_control_port_answers_in_json(simulator):
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as client:
+        client.bind(("127.0.0.1", 0))
+        client.settimeout(5.0)
+        for line, ok in ((b"1 state", True), (b"loss 0.2", True), (b"mode", False), (b"", False), (b"9 state", False)):
+            client.sendto(line, ("127.0.0.1", simulator._control.port))
+            simulator._control.read()
+            answer = json.loads(client.recv(65535))
+            assert answer["ok"] is ok
+            assert ok or answer["error"]
+
+
+def test_a_taken_tcp_port_is_told_in_one_line(capsys):
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))
+        taken.listen()
+        port = taken.getsockname()[1]
+        assert main(["--autopilot", "ardupilot", "--port", "9", "--tcp-base", str(port)]) == 1
+    error = capsys.readouterr().err
+    assert error.count("\n") == 1
+    assert str(port) in error
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["--param", "NOPE=1"], "NOPE"),
+        (["--param", "NAV_DLL_ACT"], "NAME=VALUE"),
+        (["--home", "1,2"], "--home"),
+        (["--speedup", "0"], "--speedup"),
+        (["--count", "0"], "--count"),
+        (["--loss", "2"], "--loss"),
+        (["--structure", "no-such-file.ply"], "no-such-file.ply"),
+        (["--uid", "xyz"], "--uid"),
+        (["--tcp-base", "many"], "--tcp-base"),
+        (["--wind", "1"], "--wind"),
+    ],
+)
+def test_bad_arguments_get_one_clear_line(capsys, arguments, words):
+    assert main(["--port", "9", *arguments]) == 2
+    error = capsys.readouterr().err
+    assert error.count("\n") == 1
+    assert words in error
+
+
+def test_tcp_serves_several_stations(make_ground):
+    clock = [0.0]
+    sim = Simulator(SimulatorOptions(autopilot="ardupilot", port=9, tcp_base=0), lambda: clock[0])
+    line = sim.open()[0]
+    port = int(line.rsplit(":", 1)[1])
+    try:
+        clients = [socket.create_connection(("127.0.0.1", port)) for _ in range(2)]
+        parsers = [mavlink.MAVLink(None) for _ in clients]
+        heard = [[], []]
+        for _ in range(200):
+            clock[0] += 0.02
+            for key, _ in sim._selector.select(0.0):
+                key.data()
+            sim.step(0.02, clock[0])
+        for client, parser, messages in zip(clients, parsers, heard, strict=True):
+            client.settimeout(5.0)
+            messages.extend(parser.parse_buffer(client.recv(65535)) or [])
+            client.close()
+        assert all(any(m.get_type() == "HEARTBEAT" for m in messages) for messages in heard)
+        for _ in range(5):
+            for key, _ in sim._selector.select(0.1):
+                key.data()
+            sim.step(0.02, clock[0])
+        assert len(sim._members[1].links) == 1  # closed connections are dropped
+    finally:
+        sim.close()
