@@ -136,21 +136,28 @@ def _govern(guidance: Array, limits: Array) -> None:
     if distance <= 1e-9:
         top = 0.0
         brake = limits[MAX_VERTICAL_ACCELERATION]
-    # Far away brake at two thirds of the limit (the rest is for corrections), close by approach exponentially.
-    brake *= 0.67
-    linear = brake / _POSITION_GAIN**2
-    if distance <= linear:
+    brake *= 0.67  # the rest of the limit is for corrections
+    closing = 0.0
+    pushing = 0.0
+    for i in range(3):
+        closing += guidance[VELOCITY + i] * direction[i]
+        pushing += guidance[ACCELERATION + i] * direction[i]
+    # An acceleration has to be taken back first, at the limited jerk: until then the vehicle gains speed and way.
+    pushing = max(pushing, 0.0)
+    jerk = limits[MAX_JERK]
+    gained = pushing**2 / (2.0 * jerk)
+    left = max(distance - closing * pushing / jerk - pushing**3 / (3.0 * jerk**2), 0.0)
+    # From speed v a stop with deceleration b, built up at jerk j, takes v^2 / (2 b) + v b / (2 j).
+    delay = brake**2 / (2.0 * jerk)
+    root = math.sqrt(delay**2 + 2.0 * brake * left)
+    speed = root - delay - gained
+    slope = brake / max(root, 1e-9)
+    if _POSITION_GAIN * distance < speed:
         speed = _POSITION_GAIN * distance
         slope = _POSITION_GAIN
-    else:
-        speed = math.sqrt(2.0 * brake * (distance - 0.5 * linear))
-        slope = brake / speed
     if speed >= top:
         speed = top
         slope = 0.0
-    closing = 0.0
-    for i in range(3):
-        closing += guidance[VELOCITY + i] * direction[i]
     wanted = np.empty(3)
     for i in range(3):
         wanted[i] = _VELOCITY_GAIN * (speed * direction[i] - guidance[VELOCITY + i]) - slope * closing * direction[i]

@@ -21,6 +21,8 @@ if TYPE_CHECKING:
 
     import uvicorn
 
+    from gcs.services.station import StationServices
+
 SHUTDOWN_TIMEOUT_S = 5
 
 
@@ -56,11 +58,13 @@ async def run_station(
     *,
     ready: Callable[[StationSettings], None],
     stop: asyncio.Event | None = None,
+    services: StationServices | None = None,
 ) -> None:
     """Run a station until it is interrupted or `stop` is set.
 
     Args:
         settings: port 0 takes any free port.
+        services: what it works with; those of a real station by default.
         ready: called once with the settings that hold when the station answers.
         stop: ends the station when set.
 
@@ -75,7 +79,7 @@ async def run_station(
 
     with listening_socket(settings.host, settings.port) as taken:
         settings = replace(settings, port=taken.getsockname()[1])
-        services = default_services(settings)
+        services = services or default_services(settings)
         async with services.running(render_live):
             config = uvicorn.Config(
                 create_app(settings, services),

@@ -72,6 +72,7 @@ class MavlinkStation:
         component_id: of this station.
         clock: monotonic seconds.
         lost_after_s: without heartbeats for so long a vehicle's link counts as lost.
+        only_system: the one system id that is listened to; others are neither heard nor answered. None for all.
     """
 
     def __init__(
@@ -81,7 +82,9 @@ class MavlinkStation:
         clock: Clock = time.monotonic,
         *,
         lost_after_s: float = LOST_AFTER_S,
+        only_system: int | None = None,
     ) -> None:
+        self._only_system = only_system
         self._own = (system_id, component_id)
         self._clock = clock
         self._lost_after_s = lost_after_s
@@ -196,7 +199,7 @@ class MavlinkStation:
         if entry is not None:
             entry.counted += 1
         system_id, component_id = message.get_srcSystem(), message.get_srcComponent()
-        if system_id in (0, self._own[0]):
+        if system_id in (0, self._own[0]) or self._only_system not in (None, system_id):
             return
         if not self._on_route(link, peer, system_id, component_id):
             return

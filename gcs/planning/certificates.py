@@ -15,6 +15,7 @@ from gcs.core.errors import InfeasibleError
 from gcs.core.plan import Certificates
 from gcs.core.progress import SilentProgress
 from gcs.planning.curve_figures import CurveFigures, measure
+from gcs.planning.safe_corridor import corridor_reach
 from gcs.planning.trajectory_builder import BuiltTrajectory
 from gcs.planning.viewing_angles import YAW_RATE_RAD_S
 
@@ -82,6 +83,13 @@ def check_figures(figures: CurveFigures, scenario: Scenario) -> list[Check]:
             "largest acceleration",
         ),
         _at_most("corridor_violation_m", f.corridor_violation_m, 1e-6, "m", "outside the corridor"),
+        _at_most(
+            "deviation",
+            f.deviation_bound_m,
+            corridor_reach(scenario.safety.corridor_half_width_m),
+            "m",
+            "bound of the distance from the path",
+        ),
         _at_most("worst_viewpoint_miss_m", f.worst_viewpoint_miss_m, VIEWPOINT_MISS_M, "m", "past a viewpoint"),
         _at_most("continuity", f.largest_jump, 1e-4, "", "largest jump of position, velocity, acceleration or jerk"),
         _at_most("rest_speed", f.unrest_m_s, 1e-4, "m/s", "at the ends and the exposures"),

@@ -1,6 +1,6 @@
 """Figures of a finished curve, computed from its polynomials and the scene alone.
 
-Nothing here knows how the curve was made. Clearance, speed, acceleration, jerk and largest deviation are bounds over
+Nothing here knows how the curve was made. Clearance, speed, acceleration, jerk and `deviation_bound_m` are bounds over
 the whole curve, not samples of it.
 """
 
@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -36,7 +36,15 @@ CLEARANCE_TOLERANCE_M = 0.005
 DEVIATION_TOLERANCE_M = 0.001
 """How far the largest deviation's bound may be over the true one."""
 
-_SAMPLE_S = 0.01
+WRITTEN_STEP_S = 0.02
+"""Step of the positions that are written out and that `max_deviation_m` speaks of."""
+
+
+class _Deviation(NamedTuple):
+    length_m: float
+    mean_m: float
+    largest_written_m: float
+    bound_m: float
 
 
 @dataclass(frozen=True)
@@ -44,6 +52,8 @@ class CurveFigures:
     """Figures of a curve in SI units; see `gcs.core.plan.Certificates` for those of the same name.
 
     Attributes:
+        max_deviation_m: largest distance from the nearest point of the path at the 50 Hz of the written trajectory.
+        deviation_bound_m: bound of the same over the whole curve; higher where the nearest leg changes between samples.
         clearance_time_s: where the hull comes nearest.
         largest_jump: largest jump of position, velocity, acceleration or jerk at a joint (SI units).
         unrest_m_s: largest speed at the start, at the end and at the exposures.
@@ -60,6 +70,7 @@ class CurveFigures:
     duration_s: float
     mean_deviation_m: float
     max_deviation_m: float
+    deviation_bound_m: float
     min_clearance_m: float
     clearance_time_s: float
     max_speed_m_s: float
@@ -101,18 +112,19 @@ def measure(
     progress.report("certificates", 0.0)
     clearance = _clearance(control, durations, scenario, distance, progress)
     progress.report("certificates", 0.5)
-    length, mean_deviation, max_deviation = _deviation(trajectory, control, path_m, progress)
+    deviation = _deviation(trajectory, control, path_m, progress)
     progress.report("certificates", 0.8)
     times = np.array([v.time_s for v in viewpoints])
     rests = np.concatenate([[0.0], times, [trajectory.duration_s]])
     positions = np.array([v.position_m for v in viewpoints]).reshape(-1, 3)
     low, high = built.corridor_m[:, :1], built.corridor_m[:, 1:]
     return CurveFigures(
-        length_m=length,
+        length_m=deviation.length_m,
         path_length_m=float(np.linalg.norm(np.diff(path_m, axis=0), axis=1).sum()),
         duration_s=trajectory.duration_s,
-        mean_deviation_m=mean_deviation,
-        max_deviation_m=max_deviation,
+        mean_deviation_m=deviation.mean_m,
+        max_deviation_m=deviation.largest_written_m,
+        deviation_bound_m=deviation.bound_m,
         min_clearance_m=clearance.value - scenario.vehicle.radius_m,
         clearance_time_s=clearance.time_s,
         max_speed_m_s=largest_norm(control, durations, 1).value,
@@ -174,23 +186,28 @@ def _fence_room(
 
 def _deviation(
     trajectory: PiecewisePolynomial, control: NDArray[np.float64], path_m: NDArray[np.float64], progress: Progress
-) -> tuple[float, float, float]:
-    """Length of the curve, and mean (by arc length) and largest distance from the nearest point of the path (m)."""
+) -> _Deviation:
+    """Length of the curve, and its distance from the nearest point of the path."""
     path = PolylineDistance(path_m)
-    count = max(2, math.ceil(trajectory.duration_s / _SAMPLE_S))
+    count = max(2, math.ceil(2 * trajectory.duration_s / WRITTEN_STEP_S))
     step = trajectory.duration_s / count
     times = (np.arange(count) + 0.5) * step
     speed = np.linalg.norm(trajectory.value(times, 1), axis=1)
     away = path.distance(trajectory.value(times))
-    length = float(speed.sum() * step)
-    largest = least(
+    written = np.append(np.arange(0.0, trajectory.duration_s, WRITTEN_STEP_S), trajectory.duration_s)
+    bound = least(
         control,
         trajectory.durations_s,
         lipschitz_bounds(path.distance, sign=-1.0),
         DEVIATION_TOLERANCE_M,
         progress,
     )
-    return length, float((away * speed).sum() / max(speed.sum(), 1e-12)), -largest.value
+    return _Deviation(
+        length_m=float(speed.sum() * step),
+        mean_m=float((away * speed).sum() / max(speed.sum(), 1e-12)),
+        largest_written_m=_largest(path.distance(trajectory.value(written))),
+        bound_m=-bound.value,
+    )
 
 
 def _largest_jump(trajectory: PiecewisePolynomial) -> float:

@@ -118,11 +118,14 @@ def _reason(free: NDArray[np.bool_], reachable: NDArray[np.bool_], seen: NDArray
     within = "within 60 degrees of its normal"
     if not free.any():
         return (
-            f"every stand-off place {within} is inside the structure, nearer than {clearance_m:.2f} m to something, or "
-            "outside the fence: turn the normal outwards, or allow a smaller clearance"
+            f"every stand-off place {within} is inside the structure, nearer than {clearance_m:.2f} m to something, "
+            "below the ground or outside the fence: turn the normal outwards, or allow a smaller clearance"
         )
     if not reachable.any():
-        return f"the free stand-off places {within} are enclosed by the structure: no way leads there from home"
+        return (
+            f"the stand-off places {within} are inside the structure or enclosed by it: no way leads there from home; "
+            "turn the normal outwards"
+        )
     if not seen.any():
         return f"the structure hides it from every free stand-off place {within}: check its position and normal"
     return f"the gimbal cannot look at it from any free stand-off place {within}: its pitch range is too small"

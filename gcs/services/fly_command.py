@@ -48,7 +48,7 @@ class FlightOutcome:
 
 def flying_services(data_dir: Path | None, links: tuple[str, ...] = ()) -> StationServices:
     """The services of a station that flies."""
-    return StationServices(data_dir or default_data_directory(), links=links, make_flights=flight_service)
+    return StationServices(data_dir or default_data_directory(), stored_links=False)
 
 
 def flight_service(services: StationServices) -> FlightControlService:

@@ -271,6 +271,17 @@ class PlanService:
         self._feed.publish(PlanChanged(view))
         return view
 
+    async def wait(self, plan_id: str) -> PlanView:
+        """Wait until a plan is made, or will not be.
+
+        Raises:
+            NotFoundError: there is none of this name.
+        """
+        task = self._running.get(plan_id)
+        if task is not None:
+            await asyncio.wait({task})
+        return self.get(plan_id)
+
     async def cancel(self, plan_id: str) -> PlanView:
         """Stop planning, and wait until it has stopped.
 

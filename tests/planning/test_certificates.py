@@ -2,6 +2,7 @@
 
 import itertools
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -46,7 +47,8 @@ def test_every_figure_is_what_dense_samples_show(figures, tower_flight, tower_sc
         deviation = np.minimum(deviation, np.linalg.norm(p - a - u[:, None] * (b - a), axis=1))
     step = np.linalg.norm(np.diff(p, axis=0), axis=1)
     assert figures.mean_deviation_m == pytest.approx((deviation[1:] * step).sum() / step.sum(), abs=1e-3)
-    assert figures.max_deviation_m == pytest.approx(deviation.max(), abs=2e-3)
+    assert figures.max_deviation_m == pytest.approx(deviation.max(), abs=1e-9)
+    assert deviation.max() <= figures.deviation_bound_m <= deviation.max() + 0.05
     assert figures.length_m == pytest.approx(step.sum(), rel=1e-4)
     assert figures.path_length_m == pytest.approx(np.linalg.norm(np.diff(path, axis=0), axis=1).sum())
     for order, value in enumerate((figures.max_speed_m_s, figures.max_acceleration_m_s2, figures.max_jerk_m_s3), 1):
@@ -117,6 +119,11 @@ def test_leaving_the_corridor_is_found(tower_flight, tower_scenario, tower_dista
     boxes = tower_flight.built.corridor_m.copy()
     boxes[7, 1, 2] = boxes[7, 0, 2]
     assert failed(tower_flight, tower_scenario, tower_distance, corridor_m=boxes) == {"corridor_violation_m"}
+
+
+def test_flying_far_from_the_path_is_found(tower_flight, tower_scenario, tower_distance):
+    elsewhere = SimpleNamespace(**{**vars(tower_flight), "path_m": tower_flight.path_m[:-3]})
+    assert failed(elsewhere, tower_scenario, tower_distance) == {"deviation"}
 
 
 def test_wrong_or_hasty_angles_are_found(tower_flight, tower_scenario, tower_distance):

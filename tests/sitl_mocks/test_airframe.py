@@ -57,6 +57,33 @@ def test_goes_straight_to_a_target_within_its_limits_and_does_not_overshoot(targ
     assert along.max() < np.linalg.norm(target - start) + 0.1
 
 
+@pytest.mark.parametrize("direction", [[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [-0.77, 0.06, 0.63], [0.6, 0.6, -0.53]])
+def test_legs_of_every_length_end_without_overshoot(direction):
+    limits = FlightLimits(5.0, 5.0, 5.0, 4.0, 4.0, 10.0)
+    airframe = flying(limits, 60.0)
+    direction = np.array(direction) / np.linalg.norm(direction)
+    for length in (0.3, 1.0, 2.0, 4.0, 7.0, 11.0, 16.0, 25.0):
+        start = airframe.position_m
+        airframe.go_to(start + length * direction)
+        along = (fly(airframe, 10.0) - start) @ direction
+        assert along.max() < length + 0.03
+        assert along[-1] == pytest.approx(length, abs=0.01)
+
+
+def test_a_corner_taken_at_speed_is_followed_by_a_stop_near_the_target():
+    airframe = flying(FlightLimits(5.0, 5.0, 5.0, 4.0, 4.0, 10.0), 20.0)
+    airframe.go_to([30.0, 0.0, 20.0])
+    while airframe.position_m[0] < 29.0:
+        airframe.step(5)
+    target = np.array([30.0, 3.0, 20.0])
+    airframe.go_to(target)
+    off = np.linalg.norm(fly(airframe, 8.0) - target, axis=1)
+    arrived = int(np.argmax(off < 0.5))
+    assert 0 < arrived < 250
+    assert off[arrived:].max() < 0.55
+    assert off[-1] < 0.02
+
+
 def test_the_reference_keeps_acceleration_and_jerk_limits():
     airframe = flying()
     airframe.go_to([40.0, 0.0, 10.0])

@@ -1,0 +1,71 @@
+"""Greedy cover: covers what is wanted, as the plain greedy method would, near the optimum, with nothing needless."""
+
+import itertools
+
+import numpy as np
+import pytest
+
+from gcs.planning.set_cover import greedy_cover
+
+
+def random_sets(rng, sets, elements, most):
+    return [np.sort(rng.choice(elements, size=rng.integers(1, most), replace=False)) for _ in range(sets)]
+
+
+def plain_greedy_gains(sets, elements):
+    covered, gains = np.zeros(elements, bool), []
+    while True:
+        gain = [int((~covered[s]).sum()) for s in sets]
+        if max(gain) == 0:
+            return gains
+        gains.append(max(gain))
+        covered[sets[int(np.argmax(gain))]] = True
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_covers_everything_and_no_worse_than_plain_greedy(seed):
+    sets = random_sets(np.random.default_rng(seed), 80, 300, 40)
+    chosen = greedy_cover(sets, 300)
+    assert set(np.concatenate([sets[k] for k in chosen])) == set(np.concatenate(sets))
+    assert len(chosen) <= len(plain_greedy_gains(sets, 300))
+    for k in chosen:
+        others = np.concatenate([sets[m] for m in chosen if m != k])
+        assert not np.isin(sets[k], others).all()
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_within_the_harmonic_bound_of_the_optimum(seed):
+    sets = random_sets(np.random.default_rng(seed), 12, 20, 9)
+    everything = set(np.concatenate(sets))
+    optimum = next(
+        n
+        for n in range(1, 13)
+        if any(set(np.concatenate([sets[k] for k in c])) == everything for c in itertools.combinations(range(12), n))
+    )
+    harmonic = sum(1 / i for i in range(1, max(map(len, sets)) + 1))
+    assert len(greedy_cover(sets, 20)) <= harmonic * optimum
+
+
+def test_stops_at_the_share():
+    sets = [np.arange(0, 60), np.arange(60, 90), np.arange(90, 100)]
+    assert greedy_cover(sets, 100, share=0.6) == [0]
+    assert greedy_cover(sets, 100, share=0.61) == [0, 1]
+    assert greedy_cover(sets, 100) == [0, 1, 2]
+
+
+def test_what_is_covered_already_counts():
+    sets = [np.arange(0, 60), np.arange(50, 90)]
+    covered = np.arange(100) < 55
+    assert greedy_cover(sets, 100, covered=covered) == [1]
+    assert greedy_cover(sets, 100, covered=np.arange(100) < 95) == []
+
+
+def test_preference_decides_between_equals_but_not_over_much_more():
+    sets = [np.arange(10), np.arange(10), np.arange(10, 40), np.arange(9, 40)]
+    assert greedy_cover(sets, 40, preference=np.array([0.9, 1, 1, 0.9])) == [2, 1]
+
+
+def test_a_choice_that_later_ones_made_needless_is_dropped():
+    # greedy takes the middle first; the two sides then cover all of it
+    sets = [np.array([1, 2, 3, 4]), np.array([0, 1, 2]), np.array([3, 4, 5])]
+    assert greedy_cover(sets, 6) == [1, 2]
