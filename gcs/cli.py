@@ -71,7 +71,7 @@ def verify(out: Path) -> None:
 
     checks = verify_plan(out)
     for check in checks:
-        click.echo(f"{'ok  ' if check.ok else 'FAIL'}  {check.message}")
+        click.echo(f"{'ok  ' if check.ok else 'FAIL'}  {check.name}: {check.message}")
     if not all(check.ok for check in checks):
         sys.exit(1)
 

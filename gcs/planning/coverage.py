@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from gcs.core.progress import Progress
     from gcs.core.scenario import Camera, Scenario, SurfaceTask
     from gcs.core.structure import Structure
-    from gcs.planning.free_space import FreeSpace
+    from gcs.planning.fence import FenceVolume
     from gcs.planning.point_distance import SceneDistance
     from gcs.planning.surface_samples import SurfaceSamples
 
@@ -64,9 +64,11 @@ def certify_coverage(
     scenario: Scenario,
     structure: Structure,
     viewpoints: Sequence[View],
-    space: FreeSpace,
+    fence: FenceVolume,
     distance: SceneDistance,
     progress: Progress,
+    *,
+    seed: int | None = None,
 ) -> SurfaceCoverage | None:
     """Find out what viewpoints cover of the surface.
 
@@ -79,9 +81,10 @@ def certify_coverage(
         scenario: the surface task, the camera and the clearance.
         structure: what is looked at, and what hides it.
         viewpoints: the pictures.
-        space: gives the fence as the planner keeps it.
+        fence: what viewpoints have to stay in.
         distance: exact distances.
         progress: told about the stage `coverage`.
+        seed: of the samples; by default one that goes with the planner's.
 
     Returns:
         None when no surface was asked for.
@@ -89,7 +92,7 @@ def certify_coverage(
     task = scenario.inspection.surface if scenario.inspection else None
     if task is None:
         return None
-    rng = np.random.default_rng([scenario.planner.seed, SEED_OFFSET])
+    rng = np.random.default_rng([scenario.planner.seed, SEED_OFFSET] if seed is None else seed)
     targets = sample_surface(structure, SAMPLES, rng, task.regions)
     sight = SightLines(structure)
     seen = seen_targets(scenario.camera, task, viewpoints, targets, sight, progress)
@@ -98,7 +101,7 @@ def certify_coverage(
     clearance = scenario.centre_clearance_m
     if reach > clearance:
         margin = min(reach, MOST_MARGIN_M) + clearance + 2.0
-        outer = OuterSpace(distance, clearance, structure.bounds_m, margin, space.model.fence)
+        outer = OuterSpace(distance, clearance, structure.bounds_m, margin, fence)
         progress.report(STAGE, 0.4)
         for round_ in range(TRIES):
             todo = np.flatnonzero(~coverable)
@@ -119,6 +122,8 @@ def seen_targets(
     targets: SurfaceSamples,
     sight: SightLines,
     progress: Progress,
+    *,
+    stage: str = STAGE,
 ) -> NDArray[np.bool_]:
     """Which targets at least one picture shows as asked, shape (N,)."""
     reach = camera.distance_for_gsd(task.gsd_mm / 1000)
@@ -131,7 +136,7 @@ def seen_targets(
         left = left[faces_camera(view.position_m, targets.points_m[left], targets.normals[left], incidence)]
         seen[left[sight.clear(view.position_m, lifted[left])]] = True
         if done % 8 == 0:
-            progress.report(STAGE, 0.3 * done / len(viewpoints))
+            progress.report(stage, 0.3 * done / len(viewpoints))
     return seen
 
 

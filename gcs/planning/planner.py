@@ -160,7 +160,7 @@ def plan_tour(
     built = _build(scenario, tour, poses, progress, watch)
     viewpoints = tuple(_visited(k, k, poses[int(n)], built) for k, n in enumerate(tour.order))
     with watch.stage("coverage"):
-        coverage = certify_coverage(scenario, structure, viewpoints, scene.space, scene.distance, progress)
+        coverage = certify_coverage(scenario, structure, viewpoints, scene.space.model.fence, scene.distance, progress)
     return _certified(scenario, structure, scene, tour, built, viewpoints, coverage, progress, watch)
 
 

@@ -75,7 +75,7 @@ def find_surface_viewpoints(
     core = (1 - task.overlap) ** 2 * footprint_area(camera, furthest_m)
     samples = int(np.clip(SAMPLES_PER_PICTURE * area / core, FEWEST_SAMPLES, MOST_SAMPLES))
     targets = sample_surface(structure, samples, rng, task.regions)
-    covered = seen_targets(camera, task, earlier, targets, sight, progress)
+    covered = seen_targets(camera, task, earlier, targets, sight, progress, stage=STAGE)
     search = CandidateSearch(targets, task, camera, furthest_m, space, sight, rng)
     candidates = search.find(area, progress)
     if not candidates:

@@ -17,7 +17,7 @@ from gcs.core.vehicle import FlightMode, LandedState
 from gcs.mavlink import events
 from gcs.services.flight_recorder import ERROR, NOTICE, WARNING
 from gcs.services.flight_tracker import FlightTracker
-from gcs.services.image_account import scene_position
+from gcs.services.image_account import MISSING, NOT_REACHED, count_pictures_as_visits, scene_position
 from gcs.services.image_collector import ImageCollector
 from gcs.storage.records import FlightPath, FlightState
 
@@ -212,11 +212,13 @@ class FlightRun:
             recorder.enter(FlightState.INCOMPLETE, "the images could not be accounted for")
             self.over.set()
             return
-        missed = [v.name for v in self.plan.viewpoints if v.id not in self.tracker.visits]
+        count_pictures_as_visits(account, self.plan, recorder)
+        visited = {v.viewpoint_id for v in recorder.database.flights.visits(recorder.flight_id)}
+        missed = [v.name for v in self.plan.viewpoints if v.id not in visited]
         if missed:
-            recorder.problem(f"{len(missed)} viewpoints were not reached: {_few(missed)}")
+            recorder.problem(f"{len(missed)} {NOT_REACHED}: {_few(missed)}")
         if account.missing:
-            recorder.problem(f"{len(account.missing)} images are missing: {_few(account.missing)}")
+            recorder.problem(f"{len(account.missing)} {MISSING}: {_few(account.missing)}")
         if account.unmatched:
             text = f"{account.unmatched} pictures belong to no viewpoint; they are kept"
             recorder.log("image", text, severity=WARNING)

@@ -8,7 +8,6 @@ from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Any
 
 from gcs.core.errors import GcsError, RefusedError
-from gcs.services.flight_service import FlightControlService
 from gcs.services.live_feed import EventLogged, FeedEvent, QueueOverflowError
 from gcs.services.station import StationServices
 from gcs.storage.data_directory import default_data_directory
@@ -46,16 +45,6 @@ class FlightOutcome:
         return asdict(self)
 
 
-def flying_services(data_dir: Path | None, links: tuple[str, ...] = ()) -> StationServices:
-    """The services of a station that flies."""
-    return StationServices(data_dir or default_data_directory(), stored_links=False)
-
-
-def flight_service(services: StationServices) -> FlightControlService:
-    """The flight service of a station."""
-    return FlightControlService(services.database, services.images, services.feed, services.plans, services.vehicles)
-
-
 async def fly_plan(
     out: Path,
     url: str,
@@ -82,7 +71,7 @@ async def fly_plan(
         LinkError: nobody answers.
         RefusedError: a check or the vehicle said no.
     """
-    services = flying_services(data_dir)
+    services = StationServices(data_dir or default_data_directory(), stored_links=False)
     async with services.running(_line), _telling(services, say):
         plan = services.plans.adopt(out).plan
         await services.vehicles.station.open(url)

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+import re
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -11,10 +12,13 @@ import numpy as np
 from gcs.core.errors import InputError, NotFoundError
 from gcs.core.frames import enu_from_geodetic
 from gcs.planning.image_matching import match_images
+from gcs.services.flight_tracker import REACHED_M
 from gcs.services.image_metadata import read_metadata
-from gcs.storage.records import ImageState
+from gcs.storage.records import FlightState, ImageState
 
 if TYPE_CHECKING:
+    from datetime import datetime
+
     from gcs.core.frames import GeoPoint
     from gcs.core.plan import Plan
     from gcs.services.flight_recorder import FlightRecorder
@@ -22,6 +26,11 @@ if TYPE_CHECKING:
 
 STEEP_RAD = math.radians(60.0)
 """A view steeper than this has no heading worth comparing."""
+
+MISSING = "images are missing"
+NOT_REACHED = "viewpoints were not reached"
+
+_NUMBER = re.compile(r"(\d+)\D*$")
 
 
 @dataclass(frozen=True)
@@ -33,12 +42,14 @@ class ImageAccount:
         received: viewpoints that have a stored picture.
         missing: names of the viewpoints that have none.
         unmatched: stored pictures that belong to no viewpoint.
+        misses_m: viewpoint id -> how far from it its picture was taken, where that is known.
     """
 
     expected: int
     received: int
     missing: tuple[str, ...]
     unmatched: int
+    misses_m: dict[int, float] = field(default_factory=dict)
 
     @property
     def complete(self) -> bool:
@@ -54,50 +65,89 @@ def scene_position(plan: Plan, place: GeoPoint | None) -> tuple[float, float, fl
     return (float(enu[0]), float(enu[1]), float(enu[2]))
 
 
+@dataclass(frozen=True)
+class _Told:
+    """What a picture's file tells."""
+
+    taken_at: datetime | None
+    yaw_rad: float | None
+    position_m: tuple[float, float, float] | None
+
+
 class ImageAccounting:
     """Matches the stored pictures of one flight with its viewpoints.
 
-    Positions come from the vehicle's announcements, else from the files; headings come from the files. What a file says
-    is read once.
+    Positions come from the vehicle's announcements, else from the files; headings and, so that pictures from link and
+    card can be mixed, the order from the files. What a file says is read once.
     """
 
     def __init__(self, plan: Plan, recorder: FlightRecorder) -> None:
         self._plan = plan
         self._recorder = recorder
-        self._told: dict[str, tuple[float | None, tuple[float, float, float] | None]] = {}
+        self._told: dict[str, _Told] = {}
 
     def settle(self) -> ImageAccount:
         """Match anew, write changed matches down, and count."""
         plan, recorder = self._plan, self._recorder
-        images = [i for i in recorder.database.images.of_flight(recorder.flight_id) if i.state is ImageState.STORED]
-        images.sort(key=_order)
+        stored = [i for i in recorder.database.images.of_flight(recorder.flight_id) if i.state is ImageState.STORED]
+        images = self._in_order(stored)
         positions, headings = np.full((len(images), 3), np.nan), np.full(len(images), np.nan)
         for k, image in enumerate(images):
-            yaw, place = self._from_file(image)
-            position = image.position_m or place
+            told = self._from_file(image)
+            position = image.position_m or told.position_m
             if position is not None:
                 positions[k] = position
-            if yaw is not None:
-                headings[k] = yaw
+            if told.yaw_rad is not None:
+                headings[k] = told.yaw_rad
         matches = match_images(positions, headings, *_wanted(plan))
-        for image, match in zip(images, matches, strict=True):
+        misses: dict[int, float] = {}
+        for image, match, place in zip(images, matches, positions, strict=True):
             viewpoint = None if match is None else plan.viewpoints[match]
             viewpoint_id, name = (None, None) if viewpoint is None else (viewpoint.id, viewpoint.name)
             if image.viewpoint_id != viewpoint_id:
                 recorder.change_image(image.id, viewpoint_id=viewpoint_id, viewpoint_name=name)
+            if viewpoint is not None and not np.isnan(place).any():
+                misses[viewpoint.id] = float(np.linalg.norm(place - viewpoint.position_m))
         seen = {m for m in matches if m is not None}
         missing = tuple(v.name for k, v in enumerate(plan.viewpoints) if k not in seen)
-        return ImageAccount(len(plan.viewpoints), len(seen), missing, sum(m is None for m in matches))
+        return ImageAccount(len(plan.viewpoints), len(seen), missing, sum(m is None for m in matches), misses)
 
-    def _from_file(self, image: ImageRecord) -> tuple[float | None, tuple[float, float, float] | None]:
+    def _in_order(self, images: list[ImageRecord]) -> list[ImageRecord]:
+        """In the order in which they were taken, as far as it is known."""
+        if all(self._from_file(i).taken_at is not None for i in images):
+            return sorted(images, key=lambda i: (self._from_file(i).taken_at, *_numbers(i)))
+        return sorted(images, key=lambda i: (i.vehicle_time_s or 0.0, *_numbers(i)))
+
+    def _from_file(self, image: ImageRecord) -> _Told:
         if image.id not in self._told:
             try:
                 metadata = read_metadata(self._recorder.image_data(image), image.id)
-                told = (metadata.yaw_rad, scene_position(self._plan, metadata.position))
+                told = _Told(metadata.taken_at, metadata.yaw_rad, scene_position(self._plan, metadata.position))
             except (InputError, NotFoundError):
-                told = (None, None)
+                told = _Told(None, None, None)
             self._told[image.id] = told
         return self._told[image.id]
+
+
+def count_pictures_as_visits(account: ImageAccount, plan: Plan, recorder: FlightRecorder) -> None:
+    """A picture that was taken at its viewpoint shows that the vehicle was there, also when nobody listened then."""
+    known = {v.viewpoint_id for v in recorder.database.flights.visits(recorder.flight_id)}
+    for viewpoint in plan.viewpoints:
+        miss = account.misses_m.get(viewpoint.id, math.inf)
+        if viewpoint.id not in known and miss <= REACHED_M:
+            recorder.visit(viewpoint.id, viewpoint.name, miss)
+
+
+def complete_by_pictures(account: ImageAccount, recorder: FlightRecorder) -> bool:
+    """Whether an incomplete flight became complete by pictures that came later; then its state says so."""
+    flight = recorder.flight
+    reached = recorder.database.flights.visits(recorder.flight_id)
+    if flight.state is not FlightState.INCOMPLETE or not account.complete or len(reached) < flight.viewpoints:
+        return False
+    solved = tuple(p for p in flight.problems if MISSING not in p and NOT_REACHED not in p)
+    recorder.change(problems=solved)
+    recorder.enter(FlightState.COMPLETED, f"{account.received} of {account.expected} images are here")
+    return True
 
 
 def _wanted(plan: Plan) -> tuple[np.ndarray, np.ndarray]:
@@ -106,8 +156,8 @@ def _wanted(plan: Plan) -> tuple[np.ndarray, np.ndarray]:
     return positions, np.array(headings)
 
 
-def _order(image: ImageRecord) -> tuple[float, int, str]:
-    """Order in which pictures were taken, as far as it is known."""
-    index = image.index if image.index is not None else 0
-    time_s = image.vehicle_time_s if image.vehicle_time_s is not None else 0.0
-    return (time_s, index, image.vehicle_path or image.id)
+def _numbers(image: ImageRecord) -> tuple[int, int, str]:
+    """The vehicle's running number, the number in the file's name, and the name."""
+    path = image.vehicle_path or image.id
+    number = _NUMBER.search(path[-40:])
+    return (image.index or 0, int(number[1]) if number else 0, path)

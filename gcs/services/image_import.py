@@ -1,42 +1,44 @@
 """Pictures from a card: brought to a flight, matched with its viewpoints, and accounted for.
 
-Names on a card are untrusted and used for nothing but telling people; only regular files that lie directly in the
-folder, or in folders below it, are read. A picture that the flight has already, by its CRC-32 and size, is not kept
-twice: so a card can be brought again, and pictures that came over the link are recognised.
+Names on a card are untrusted: they are shown to people and used for nothing else. Only regular files in the folder and
+below it are read, links are not followed. A picture that the flight has already, by size and CRC-32, is not kept twice,
+so a card can be brought again after pictures came over the link.
 """
 
 from __future__ import annotations
 
 import os
-import re
 import zlib
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from gcs.core.clock import new_id, utc_now
-from gcs.core.errors import InputError, NotFoundError
+from gcs.core.errors import InputError
 from gcs.services.flight_recorder import NOTICE, FlightRecorder
-from gcs.services.image_account import ImageAccounting, scene_position
+from gcs.services.image_account import (
+    ImageAccounting,
+    complete_by_pictures,
+    count_pictures_as_visits,
+    scene_position,
+)
 from gcs.services.image_metadata import read_metadata
 from gcs.services.live_feed import LiveFeed
 from gcs.storage.data_directory import default_data_directory, owned_data_directory
 from gcs.storage.database import Database
 from gcs.storage.image_store import ImageStore
 from gcs.storage.plan_files import read_plan
-from gcs.storage.records import FlightState, ImageRecord, ImageState
+from gcs.storage.records import ImageRecord, ImageState
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
-    from datetime import datetime
-    from pathlib import Path
 
     from gcs.core.plan import Plan
-    from gcs.services.image_account import ImageAccount
+    from gcs.services.image_metadata import ImageMetadata
 
 MAX_BYTES = 200_000_000
-"""A larger file is not a picture of any camera that is flown."""
-
-_NUMBER = re.compile(r"(\d+)\D*$")
+"""A larger file is no picture of any camera that is flown."""
+SHOWN_NAME = 120
 
 
 @dataclass(frozen=True)
@@ -75,17 +77,6 @@ class ImportResult:
         return lines
 
 
-@dataclass(frozen=True)
-class _CardPicture:
-    """A whole picture on the card."""
-
-    path: Path
-    shown: str
-    taken_at: datetime | None
-    number: int | None
-    position_m: tuple[float, float, float] | None
-
-
 def import_folder(flight_id: str, folder: Path, data_dir: Path | None) -> ImportResult:
     """Bring the pictures in a folder to a flight.
 
@@ -117,65 +108,52 @@ def _import(flight_id: str, folder: Path, directory: Path, database: Database) -
     recorder = FlightRecorder(flight_id, database, ImageStore(directory), LiveFeed())
     skipped: list[tuple[str, str]] = []
     stored = known = 0
-    for number, picture in enumerate(_in_order(folder, plan, skipped)):
-        data = _read(picture.path)
-        if data is None:
-            skipped.append((picture.shown, "it cannot be read"))
-        elif _is_here(recorder, data):
+    for path in _files(folder):
+        name = _printable(str(path.relative_to(folder)))
+        try:
+            data = _read(path)
+            metadata = read_metadata(data, name)
+        except InputError as error:
+            skipped.append((name, error.message))
+            continue
+        if _is_here(recorder, data):
             known += 1
         else:
-            _store(recorder, picture, number, data)
+            _store(recorder, plan, name, data, metadata)
             stored += 1
     account = ImageAccounting(plan, recorder).settle()
     text = f"{stored} pictures brought from a card, {known} were here already, {len(skipped)} files skipped"
     recorder.log("image", text, severity=NOTICE)
-    completed = _complete(recorder, account, {v.viewpoint_id for v in database.flights.visits(flight_id)})
+    count_pictures_as_visits(account, plan, recorder)
     return ImportResult(
-        flight_id, stored, known, tuple(skipped), account.expected, account.missing, account.unmatched, completed
+        flight_id=flight_id,
+        stored=stored,
+        known=known,
+        skipped=tuple(skipped),
+        expected=account.expected,
+        missing=account.missing,
+        unmatched=account.unmatched,
+        completed=complete_by_pictures(account, recorder),
     )
 
 
-def _in_order(folder: Path, plan: Plan, skipped: list[tuple[str, str]]) -> list[_CardPicture]:
-    """The whole pictures in the order they were taken: by the camera's clock, then by the number in the name."""
-    pictures = []
-    for path in _files(folder):
-        shown = _printable(str(path.relative_to(folder)))
-        data = _read(path)
-        if data is None:
-            skipped.append((shown, "it cannot be read, or is too large"))
-            continue
-        try:
-            told = read_metadata(data, shown)
-        except InputError as error:
-            skipped.append((shown, error.message))
-            continue
-        number = _NUMBER.search(path.stem)
-        position = scene_position(plan, told.position)
-        pictures.append(_CardPicture(path, shown, told.taken_at, int(number[1]) if number else None, position))
-    by_clock = all(p.taken_at is not None for p in pictures)
-
-    def order(picture: _CardPicture) -> tuple[float, int, str]:
-        at = picture.taken_at.timestamp() if by_clock and picture.taken_at is not None else 0.0
-        return at, picture.number if picture.number is not None else 0, picture.shown
-
-    return sorted(pictures, key=order)
-
-
 def _files(folder: Path) -> Iterator[Path]:
-    """Regular files, no links, no hidden ones."""
+    """Regular files by name; no links, nothing hidden."""
     for parent, folders, names in os.walk(folder):
         folders[:] = sorted(f for f in folders if not f.startswith("."))
         for name in sorted(names):
-            path = folder.__class__(parent) / name
+            path = Path(parent) / name
             if not name.startswith(".") and path.is_file() and not path.is_symlink():
                 yield path
 
 
-def _read(path: Path) -> bytes | None:
+def _read(path: Path) -> bytes:
     try:
-        return path.read_bytes() if path.stat().st_size <= MAX_BYTES else None
-    except OSError:
-        return None
+        if path.stat().st_size > MAX_BYTES:
+            raise InputError(f"larger than {MAX_BYTES // 10**6} MB")
+        return path.read_bytes()
+    except OSError as error:
+        raise InputError(f"cannot be read: {error.strerror}") from error
 
 
 def _is_here(recorder: FlightRecorder, data: bytes) -> bool:
@@ -184,44 +162,30 @@ def _is_here(recorder: FlightRecorder, data: bytes) -> bool:
     return any(i.state is ImageState.STORED and (i.crc32, i.size_bytes) == own for i in images)
 
 
-def _store(recorder: FlightRecorder, picture: _CardPicture, number: int, data: bytes) -> None:
-    """Keep a picture; a link's record of the same picture, whose file never came, is filled instead of doubled."""
-    name = picture.path.name
-    waiting = [
-        i
-        for i in recorder.database.images.unfinished(recorder.flight_id)
-        if i.vehicle_path is not None and i.vehicle_path.rsplit("/", 1)[-1] == name
-    ]
-    image = waiting[0] if len(waiting) == 1 else None
-    if image is None:
-        image = ImageRecord(
-            id=new_id("image"),
-            flight_id=recorder.flight_id,
-            index=None,
-            viewpoint_id=None,
-            viewpoint_name=None,
-            state=ImageState.ANNOUNCED,
-            source="card",
-            announced_at=utc_now(),
-            vehicle_path=picture.shown,
-            vehicle_time_s=None,
-            position_m=picture.position_m,
+def _store(recorder: FlightRecorder, plan: Plan, name: str, data: bytes, metadata: ImageMetadata) -> None:
+    """Keep a picture; one that was announced over the link and never came is filled instead of doubled."""
+    base = name.rsplit("/", 1)[-1]
+    unfinished = recorder.database.images.unfinished(recorder.flight_id)
+    waiting = [i for i in unfinished if i.vehicle_path is not None and i.vehicle_path.rsplit("/", 1)[-1] == base]
+    if len(waiting) == 1:
+        image = waiting[0]
+    else:
+        image = recorder.image(
+            ImageRecord(
+                id=new_id("image"),
+                flight_id=recorder.flight_id,
+                index=None,
+                viewpoint_id=None,
+                viewpoint_name=None,
+                state=ImageState.ANNOUNCED,
+                source="card",
+                announced_at=utc_now(),
+                vehicle_path=name,
+                position_m=scene_position(plan, metadata.position),
+            )
         )
-        recorder.image(image)
     recorder.store_image(image, data)
 
 
-def _complete(recorder: FlightRecorder, account: ImageAccount, reached: set[int]) -> bool:
-    """Whether the flight is complete now and was not before; its problems of missing images are then solved."""
-    flight = recorder.flight
-    if not account.complete or flight.state is not FlightState.INCOMPLETE:
-        return False
-    recorder.change(problems=tuple(p for p in flight.problems if not p.endswith(".")) if False else flight.problems)
-    if len(reached) < flight.viewpoints:
-        return False
-    recorder.enter(FlightState.COMPLETED, f"{account.received} of {account.expected} images are here, from the card")
-    return True
-
-
 def _printable(name: str) -> str:
-    return "".join(c if c.isprintable() else "?" for c in name)[:120]
+    return "".join(c if c.isprintable() else "?" for c in name)[-SHOWN_NAME:]

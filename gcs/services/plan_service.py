@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 from gcs.core.clock import new_id, utc_now
 from gcs.core.errors import ConflictError, GcsError, InputError, NotFoundError, OperationCancelled
 from gcs.core.progress import SilentProgress
-from gcs.core.scenario import Scenario, parse_scenario
+from gcs.core.scenario import Inspection, Scenario, parse_scenario
 from gcs.services.live_feed import JobChanged, LiveFeed, PlanChanged, PlanDeleted
 from gcs.storage.atomic_files import new_directory, remove_partials
 from gcs.storage.errors import storage_error
@@ -100,7 +100,8 @@ def write_planned(scenario: Scenario, base: Path, out: Path, progress: Progress)
     check_output(out)
     progress.report("load", 0.0)
     structure, source = load_structure(scenario.structure, base)
-    scenario = scenario.model_copy(update={"structure": source})
+    inspection = scenario.inspection or Inspection(points=structure.named_points)
+    scenario = scenario.model_copy(update={"structure": source, "inspection": inspection})
     progress.report("load", 1.0)
     plan = make_plan(scenario, structure, progress)
     progress.report("write", 0.0)

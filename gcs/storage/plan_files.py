@@ -110,10 +110,8 @@ def write_plan(
         raise ValueError(f"not files of a plan: {', '.join(sorted(unknown))}")
     document = document_of(plan).model_dump_json(indent=None, exclude_none=False).encode() + b"\n"
     contents: dict[str, bytes] = {
-        "viewpoints.csv": _viewpoints_csv(plan),
-        "path.csv": _csv(["x_m", "y_m", "z_m"], ([_number(c) for c in p] for p in plan.path_m)),
+        **plan_tables(plan),
         "structure.ply": ply_bytes(structure.vertices_m, structure.faces),
-        "trajectory.csv": _trajectory_csv(plan),
         "report.json": json.dumps(report or plan_report(plan), indent=2, allow_nan=False).encode() + b"\n",
         **extra,
         "plan.json": document,
@@ -122,6 +120,15 @@ def write_plan(
         for name, content in contents.items():
             (folder / name).write_bytes(content)
     return hashlib.sha256(document).hexdigest()
+
+
+def plan_tables(plan: Plan) -> dict[str, bytes]:
+    """The files that follow from `plan.json` to the letter: `viewpoints.csv`, `path.csv` and `trajectory.csv`."""
+    return {
+        "viewpoints.csv": _viewpoints_csv(plan),
+        "path.csv": _csv(["x_m", "y_m", "z_m"], ([_number(c) for c in p] for p in plan.path_m)),
+        "trajectory.csv": _trajectory_csv(plan),
+    }
 
 
 def read_plan(directory: Path) -> Plan:
@@ -147,6 +154,22 @@ def read_structure(directory: Path) -> Structure:
     """
     vertices, faces = read_ply(directory / "structure.ply")
     return Structure(vertices_m=vertices, faces=faces, cables=read_plan(directory).cables)
+
+
+def read_report(directory: Path) -> dict[str, Any]:
+    """Content of `report.json`.
+
+    Raises:
+        InputError: it is missing or damaged.
+    """
+    path = directory / "report.json"
+    try:
+        report = json.loads(_read(path))
+    except ValueError:
+        raise InputError("not well-formed JSON: plan again", field=str(path)) from None
+    if not isinstance(report, dict):
+        raise InputError("not a report: plan again", field=str(path))
+    return report
 
 
 def plan_hash(directory: Path) -> str:

@@ -2,7 +2,6 @@
 
 import importlib.util
 from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -53,8 +52,9 @@ def scenario(gsd_mm=8.0, ground_m=0.0, **surface):
 
 def certify(views, structure=CUBE, fence=EVERYWHERE, **surface):
     asked = scenario(**surface)
-    space = SimpleNamespace(model=SimpleNamespace(fence=fence))
-    return certify_coverage(asked, structure, views, space, SceneDistance(structure, asked.ground_m), SilentProgress())
+    return certify_coverage(
+        asked, structure, views, space.model.fence, SceneDistance(structure, asked.ground_m), SilentProgress()
+    )
 
 
 def view(position, towards=(0, 0, 40)):
@@ -135,7 +135,7 @@ def test_no_surface_task_no_certificate():
     asked = scenario()
     points = [{"name": "P", "position_m": [5, 0, 40], "normal": [1, 0, 0]}]
     asked = asked.model_copy(update={"inspection": type(asked.inspection)(points=points)})
-    assert certify_coverage(asked, CUBE, [], None, SceneDistance(CUBE, 0.0), SilentProgress()) is None
+    assert certify_coverage(asked, CUBE, [], EVERYWHERE, SceneDistance(CUBE, 0.0), SilentProgress()) is None
 
 
 @pytest.mark.skipif(not CHECK.is_file(), reason="the independent check is not here")

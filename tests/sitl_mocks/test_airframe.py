@@ -13,7 +13,7 @@ LIMITS = FlightLimits(5.0, 4.0, 3.0, 3.0, 2.5, 10.0)
 def flying(limits=LIMITS, height=10.0):
     airframe = Airframe([0.0, 0.0, 0.0], limits)
     airframe.go_to([0.0, 0.0, height])
-    airframe.step(250 * 12)
+    airframe.step(250 * round(8 + height / 3))
     return airframe
 
 

@@ -21,9 +21,9 @@ from pathlib import Path
 import pytest
 import yaml
 
-from gcs.services.fly_command import flying_services
 from gcs.services.plan_service import plan_to_directory
 from gcs.services.simulation import Simulator, SimulatorOptions
+from gcs.services.station import StationServices
 from gcs.storage.plan_files import read_plan
 
 SCENARIO = Path(__file__).resolve().parents[2] / "gcs/storage/samples/gantry-crane.scenario.yaml"
@@ -378,7 +378,7 @@ def station(tmp_path):
 
     async def make(plan):
         data = tmp_path / "station"
-        services = flying_services(data)
+        services = StationServices(data, stored_links=False)
         async with services.running(lambda event: ""):
             services.plans.adopt(plan)
         made.append(Station(data))
