@@ -101,8 +101,9 @@ def certify_coverage(
     clearance = scenario.centre_clearance_m
     if reach > clearance:
         margin = min(reach, MOST_MARGIN_M) + clearance + 2.0
-        outer = OuterSpace(distance, clearance, structure.bounds_m, margin, fence)
-        progress.report(STAGE, 0.4)
+        outer = OuterSpace(
+            distance, clearance, structure.bounds_m, margin, fence, poll=lambda: progress.report(STAGE, 0.35)
+        )
         for round_ in range(TRIES):
             todo = np.flatnonzero(~coverable)
             if not len(todo):

@@ -14,6 +14,8 @@ from scipy import ndimage
 from gcs.planning.fence import room_in_fence
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from numpy.typing import NDArray
 
     from gcs.planning.fence import FenceVolume
@@ -22,6 +24,7 @@ if TYPE_CHECKING:
 CELLS_ALONG = 110
 FINEST_PITCH_M = 0.25
 COARSEST_PITCH_M = 2.0
+CHUNK = 50000
 
 
 class OuterSpace:
@@ -33,6 +36,7 @@ class OuterSpace:
         bounds_m: lowest and highest corner of the structure, shape (2, 3).
         margin_m: room about the structure; whatever is further out is connected.
         fence: what to stay in.
+        poll: called now and then; may raise to stop the work.
     """
 
     def __init__(
@@ -42,6 +46,7 @@ class OuterSpace:
         bounds_m: NDArray[np.float64],
         margin_m: float,
         fence: FenceVolume,
+        poll: Callable[[], None],
     ) -> None:
         self._distance = distance
         self._clearance = clearance_m
@@ -54,7 +59,12 @@ class OuterSpace:
         shape = np.ceil((high - low) / self._pitch).astype(np.int64) + 1
         axes = [low[k] + self._pitch * np.arange(shape[k]) for k in range(3)]
         cells = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
-        free = (distance.distance(cells, limit=clearance_m) >= clearance_m).reshape(shape)
+        free = np.empty(len(cells), dtype=np.bool_)
+        for first in range(0, len(cells), CHUNK):
+            part = slice(first, first + CHUNK)
+            free[part] = distance.distance(cells[part], limit=clearance_m) >= clearance_m
+            poll()
+        free = free.reshape(shape)
         labels, _ = ndimage.label(free)
         border = np.zeros(free.shape, dtype=np.bool_)
         border[[0, -1]] = border[:, [0, -1]] = True

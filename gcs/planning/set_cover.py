@@ -8,9 +8,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Callable, Sequence
 
     from numpy.typing import NDArray
+
+POLL_EVERY = 2000
 
 
 def greedy_cover(
@@ -20,6 +22,7 @@ def greedy_cover(
     preference: NDArray[np.float64] | None = None,
     covered: NDArray[np.bool_] | None = None,
     share: float = 1.0,
+    poll: Callable[[], None] | None = None,
 ) -> list[int]:
     """Choose sets one by one, each time the one that adds most.
 
@@ -33,6 +36,7 @@ def greedy_cover(
         preference: factor on each set's gain, positive, shape (S,); 1 when left out.
         covered: elements that are covered already, shape (elements,).
         share: stop when this share of all that can be covered is.
+        poll: called now and then; may raise to stop the search.
 
     Returns:
         Indices of the chosen sets, in the order of choice.
@@ -48,7 +52,11 @@ def greedy_cover(
     heap = [(-len(members) * factor[k], k) for k, members in enumerate(sets)]
     heapq.heapify(heap)
     chosen: list[int] = []
+    looked_at = 0
     while heap and count < wanted:
+        looked_at += 1
+        if poll is not None and looked_at % POLL_EVERY == 0:
+            poll()
         _, k = heapq.heappop(heap)
         gain = int((~done[sets[k]]).sum())
         if gain == 0:

@@ -28,7 +28,7 @@ FEWEST_PLACES, MOST_PLACES = 600, 1500
 PLACES_PER_PICTURE = 3.0
 """Places tried for every picture that the surface would take if it were flat and seen square on."""
 
-BATCH = 64
+BATCH = 32
 EXTRA_ROUNDS = 10
 STAGE = "viewpoints"
 
@@ -93,7 +93,7 @@ class CandidateSearch:
 
         Args:
             area_m2: of the surface, one side.
-            progress: told about the stage `viewpoints`, up to 0.8 of it.
+            progress: told about the stage `viewpoints`, from 0.3 to 0.9 of it.
         """
         core = (1 - self._task.overlap) ** 2 * footprint_area(self._camera, self._furthest)
         wanted = int(np.clip(PLACES_PER_PICTURE * 2 * area_m2 / core, FEWEST_PLACES, MOST_PLACES))
@@ -103,10 +103,9 @@ class CandidateSearch:
         places, _ = self._free_places(some, in_sight=False, near=False)
         for first in range(0, len(places), BATCH):
             self._look_from(places[first : first + BATCH], seen, candidates)
-            progress.report(STAGE, 0.5 * first / len(places))
+            progress.report(STAGE, 0.3 + 0.4 * first / len(places))
         for round_ in range(EXTRA_ROUNDS):
-            self._look_again(seen, candidates, near=round_ % 2 == 0)
-            progress.report(STAGE, 0.5 + 0.3 * (round_ + 1) / EXTRA_ROUNDS)
+            self._look_again(seen, candidates, progress, round_)
         return candidates
 
     def _free_places(
@@ -123,10 +122,13 @@ class CandidateSearch:
         ok[ok] = self._space.is_reachable(places[ok])
         return places[ok], which[ok]
 
-    def _look_again(self, seen: NDArray[np.bool_], candidates: list[CandidateView], *, near: bool) -> None:
+    def _look_again(
+        self, seen: NDArray[np.bool_], candidates: list[CandidateView], progress: Progress, round_: int
+    ) -> None:
         """Places that see what nothing has seen yet; not for what an earlier one of them has seen by the way."""
-        places, which = self._free_places(np.flatnonzero(~seen), in_sight=True, near=near)
+        places, which = self._free_places(np.flatnonzero(~seen), in_sight=True, near=round_ % 2 == 0)
         while len(places):
+            progress.report(STAGE, 0.7 + 0.2 * round_ / EXTRA_ROUNDS)
             self._look_from(places[:BATCH], seen, candidates)
             left = np.flatnonzero(~seen[which[BATCH:]]) + BATCH
             places, which = places[left], which[left]

@@ -89,9 +89,13 @@ def find_surface_viewpoints(
     preference = np.where(open_sky, 1.0, UNDER_COVER)
     preference *= NEAREST + (1 - NEAREST) * np.minimum(depth / needed, 1.0)
     chosen = greedy_cover(
-        [c.members for c in candidates], len(targets), preference=preference, covered=covered, share=COVERED_SHARE
+        [c.members for c in candidates],
+        len(targets),
+        preference=preference,
+        covered=covered,
+        share=COVERED_SHARE,
+        poll=lambda: progress.report(STAGE, 0.95),
     )
-    progress.report(STAGE, 0.95)
     return [
         pose_towards(f"S{n + 1:04d}", candidates[k].position_m, candidates[k].direction, camera.gsd_at(depth[k]))
         for n, k in enumerate(chosen)

@@ -52,9 +52,7 @@ def scenario(gsd_mm=8.0, ground_m=0.0, **surface):
 
 def certify(views, structure=CUBE, fence=EVERYWHERE, **surface):
     asked = scenario(**surface)
-    return certify_coverage(
-        asked, structure, views, space.model.fence, SceneDistance(structure, asked.ground_m), SilentProgress()
-    )
+    return certify_coverage(asked, structure, views, fence, SceneDistance(structure, asked.ground_m), SilentProgress())
 
 
 def view(position, towards=(0, 0, 40)):

@@ -69,3 +69,12 @@ def test_a_choice_that_later_ones_made_needless_is_dropped():
     # greedy takes the middle first; the two sides then cover all of it
     sets = [np.array([1, 2, 3, 4]), np.array([0, 1, 2]), np.array([3, 4, 5])]
     assert greedy_cover(sets, 6) == [1, 2]
+
+
+def test_it_can_be_stopped():
+    def stop():
+        raise KeyboardInterrupt
+
+    sets = random_sets(np.random.default_rng(0), 9000, 9000, 40)
+    with pytest.raises(KeyboardInterrupt):
+        greedy_cover(sets, 9000, poll=stop)
