@@ -25,6 +25,7 @@ $(UV):
 .venv/.installed: requirements.lock pyproject.toml hatch_build.py $(WEB_SOURCES) | .venv/bin/python
 	$(UV) pip install --quiet --python $(BIN)/python --require-hashes -r requirements.lock
 	$(UV) pip install --quiet --python $(BIN)/python --no-deps --editable .
+	$(BIN)/python -m gcs.services.warm_up
 	@touch $@
 
 .venv/.installed-dev: requirements-dev.lock .venv/.installed

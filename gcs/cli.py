@@ -105,6 +105,8 @@ def fly(
     )
     if as_json:
         click.echo(json.dumps(outcome.as_json()))
+    if outcome.failure is not None:
+        raise outcome.failure
     if not outcome.ok:
         raise IncompleteError("; ".join(outcome.problems) or "not all of the plan was flown")
 

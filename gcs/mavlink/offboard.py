@@ -96,6 +96,7 @@ class SetpointStream:
         self._source = source
         self._lock = threading.Lock()
         self._fed_at = clock()
+        self._stepped_at: float | None = None
         self._end: tuple[OffboardEnd, str] | None = None
         self.sent = 0
 
@@ -128,9 +129,16 @@ class SetpointStream:
     def step(self, vehicle_s: float) -> bool:
         """Send the setpoint of a time of the vehicle's clock; False when the stream has ended."""
         with self._lock:
-            silent_s = self._clock() - self._fed_at
+            now = self._clock()
+            silent_s = now - self._fed_at
+            # A process that stood still feeds again before the vehicle's change of mode is heard: no setpoint may
+            # make the vehicle chase a plan that has run on.
+            gap_s = 0.0 if self._stepped_at is None else now - self._stepped_at
+            self._stepped_at = now
             if silent_s > self._deadman_s:
                 self._stop(OffboardEnd.DEADMAN, f"its owner did not feed it for {silent_s:.1f} s")
+            elif gap_s > self._deadman_s:
+                self._stop(OffboardEnd.DEADMAN, f"it was interrupted for {gap_s:.1f} s")
             if self._end is not None:
                 return False
             source = self._source

@@ -20,6 +20,7 @@ log = logging.getLogger(__name__)
 OFFBOARD_LEAD_IN_S = 1.2
 FEED_S = 0.1
 FRESH_S = 2.0
+BACKLOG_S = 0.5
 
 
 class Vehicle(VehicleFlight):
@@ -88,7 +89,9 @@ class Vehicle(VehicleFlight):
         self._lease = owner
 
         async def enter(control: FlightCommands) -> None:
-            if not self.in_air and take_off_altitude_amsl_m is not None:
+            if self.in_air:
+                await self._stack.hold_before_stream(control)
+            elif take_off_altitude_amsl_m is not None:
                 await self._stack.take_off(control, take_off_altitude_amsl_m)
             self._begin(self._hovering_session(owner, rate_hz, deadman_s))
             await asyncio.sleep(OFFBOARD_LEAD_IN_S)
@@ -176,6 +179,14 @@ class Vehicle(VehicleFlight):
             self._spawn(self._hold_after_stream())
 
     async def _hold_after_stream(self) -> None:
+        """Have it hold, if it is still led by the stream.
+
+        Which it may not be: when this process stood still, what was heard is old, and a pilot may have taken over.
+        """
+        await asyncio.sleep(BACKLOG_S)
+        mode = self.telemetry.mode
+        if mode is None or mode.value is not FlightMode.OFFBOARD or mode.age_s(self._now()) > BACKLOG_S:
+            return
         try:
             await self._fly("hold", self._stack.pause)
         except GcsError as error:

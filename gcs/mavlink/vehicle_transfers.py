@@ -90,8 +90,11 @@ class VehicleTransfers(VehicleState):
         """What its parameters allow."""
         return self._stack.limits(await self.read_parameters(self._stack.limit_parameters))
 
-    async def set_return_altitude(self, altitude_m: float) -> None:
+    async def set_return_altitude(self, altitude_m: float) -> str:
         """Set the height above home at which its own return flies, and see that it keeps it.
+
+        Returns:
+            The parameter and its value as it tells it afterwards, such as `RTL_ALT = 5400`.
 
         Raises:
             RefusedError: it does not take it.
@@ -100,7 +103,7 @@ class VehicleTransfers(VehicleState):
         setting = self._stack.return_altitude_setting(altitude_m)
         if setting is None:
             raise RefusedError("its return altitude cannot be set", field=self.identity.name)
-        await self.set_parameter(*setting)
+        return f"{setting[0]} = {await self.set_parameter(*setting):g}"
 
     async def read_failsafes(self) -> tuple[Failsafe, ...]:
         """How its failsafes are set up."""

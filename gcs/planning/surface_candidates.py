@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 AIMS = 10
 """Directions that are tried at every place."""
 
-FEWEST_PLACES, MOST_PLACES = 600, 1500
+FEWEST_PLACES, MOST_PLACES = 1000, 2000
 PLACES_PER_PICTURE = 3.0
 """Places tried for every picture that the surface would take if it were flat and seen square on."""
 

@@ -24,11 +24,11 @@ if TYPE_CHECKING:
     from gcs.planning.viewpoint_pose import ViewpointPose
     from gcs.planning.visibility import SightLines
 
-COVERED_SHARE = 0.985
+COVERED_SHARE = 0.982
 """Of the sampled sides that any candidate sees. The rest are slits that each cost a view of their own."""
 
-SAMPLES_PER_PICTURE = 30
-FEWEST_SAMPLES, MOST_SAMPLES = 8000, 20000
+SAMPLES_PER_PICTURE = 60
+FEWEST_SAMPLES, MOST_SAMPLES = 16000, 30000
 
 UNDER_COVER = 0.9
 NEAREST = 0.9

@@ -18,6 +18,7 @@ from gcs.storage.plan_files import read_structure
 from gcs.storage.records import FlightPath
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
     from pathlib import Path
 
     from gcs.core.plan import Plan
@@ -59,10 +60,12 @@ class FlightChecks:
         flight: which flight.
         plan: what is flown.
         directory: the plan's folder, for its structure.
+        tell: takes what was changed on the vehicle, in words.
     """
 
-    def __init__(self, flight: FlightRecord, plan: Plan, directory: Path) -> None:
+    def __init__(self, flight: FlightRecord, plan: Plan, directory: Path, tell: Callable[[str], None]) -> None:
         self._flight = flight
+        self._tell = tell
         self._plan = plan
         self._directory = directory
 
@@ -113,9 +116,12 @@ class FlightChecks:
         """The plan's times, slowed where losing the stream would not be survivable.
 
         Raises:
-            InfeasibleError: it cannot be slowed enough.
+            RefusedError: it cannot be slowed enough.
         """
-        return await asyncio.to_thread(self._warp, await vehicle.read_limits())
+        try:
+            return await asyncio.to_thread(self._warp, await vehicle.read_limits())
+        except InfeasibleError as error:
+            raise RefusedError(f"stream loss: {error.message}", field=vehicle.identity.name) from error
 
     def _report(self, checks: list[PreflightCheck], accepted: tuple[str, ...]) -> CheckedReport:
         return CheckedReport(self._flight.id, utc_now(), preflight.with_acceptance(checks, accepted))
@@ -143,8 +149,13 @@ class FlightChecks:
         found = await asyncio.to_thread(self._return, limits.return_altitude_m)
         if found.ok or found.lowest_safe_m is None:
             return limits
-        await vehicle.set_return_altitude(found.lowest_safe_m)
-        return await vehicle.read_limits()
+        kept_parameter = await vehicle.set_return_altitude(found.lowest_safe_m)
+        kept = await vehicle.read_limits()
+        self._tell(
+            f"the return altitude of {vehicle.identity.name} was raised from {limits.return_altitude_m:g} m to "
+            f"{kept.return_altitude_m:g} m above home ({kept_parameter}, read back), so that its own return keeps clear"
+        )
+        return kept
 
     async def _ways_home(self, limits: VehicleLimits, *, may_raise: bool) -> PreflightCheck:
         """Safety rule 7: from everywhere along the plan, the vehicle's own return keeps clear."""

@@ -57,6 +57,10 @@ class FlightRecorder:
         self._feed.publish(EventLogged(event))
         return event
 
+    def notice(self, text: str) -> None:
+        """Add a line about something that the station changed on the vehicle."""
+        self.log("command", text, severity=NOTICE)
+
     def change(self, **changes: Any) -> FlightRecord:
         """Change fields of the flight and tell everybody."""
         flight = self.database.flights.update(self.flight_id, **changes)

@@ -142,13 +142,20 @@ class FlightRun:
                 recorder.log("link", f"heard again after {silent_s:.0f} s", severity=NOTICE)
                 self.show_mode()
             case events.PilotTookOverEvent(reason):
-                recorder.problem(f"the station keeps its hands off: {reason}")
-                if recorder.flight.state in IN_THE_AIR:
-                    recorder.enter(FlightState.HELD, "somebody else has the vehicle")
+                self._taken_over(reason)
             case events.OffboardEndedEvent(_, end, detail):
                 recorder.log("offboard", f"no more setpoints: {detail}", severity=NOTICE, end=end.name.lower())
             case _:
                 pass
+
+    def _taken_over(self, reason: str) -> None:
+        recorder, mode = self.recorder, self.vehicle.telemetry.mode
+        recorder.log("problem", f"the station keeps its hands off: {reason}", severity=ERROR)
+        if recorder.flight.state not in IN_THE_AIR:
+            return
+        self.cut_short = self.cut_short or reason
+        if mode is None or mode.value not in {FlightMode.RETURN, FlightMode.LAND}:
+            recorder.enter(FlightState.HELD, "somebody else has the vehicle")
 
     def show_mode(self) -> None:
         """Let the flight's state follow from what the vehicle shows now, after a gap or a restart."""

@@ -61,6 +61,7 @@ class FlightControlService:
         self._busy: set[str] = set()
         self._tasks: set[asyncio.Task[None]] = set()
         self._uploads: dict[str, asyncio.Task[None]] = {}
+        self._failures: dict[str, GcsError] = {}
 
     # ---- opening and closing the station ----
 
@@ -214,6 +215,7 @@ class FlightControlService:
         flight, vehicle, plan = self._loaded(flight_id)
         self._demand(flight, "start")
         _confirmed(vehicle, confirm)
+        self._failures.pop(flight_id, None)
         recorder = self._recorder(flight_id)
         async with self._alone(flight_id):
             accepted = self._accept(recorder, flight, accept)
@@ -256,6 +258,7 @@ class FlightControlService:
             recorder.log("command", f"resume confirmed for {confirm}", severity=NOTICE)
             if vehicle.pilot_in_control:
                 vehicle.take_back(confirm)
+            run.cut_short = None
             if flight.mode is FlightPath.MISSION:
                 await vehicle.resume_mission()
                 recorder.enter(FlightState.FLYING, "the mission goes on")
@@ -263,12 +266,13 @@ class FlightControlService:
                 run.offboard.resume()
                 recorder.enter(FlightState.FLYING, "the stream goes on")
             else:
-                rest = await plan_from_here(plan, self._plans.directory(flight.plan_id), vehicle, run.tracker.visits)
+                account = await run.collector.finish()
+                rest = await plan_from_here(plan, self._plans.directory(flight.plan_id), vehicle, account.pictured)
                 recorder.log("state", f"new way from here: {rest.certificates.length_m:.0f} m", severity=NOTICE)
                 checks = self._checks(flight, rest)
                 (await checks.in_the_air(vehicle, accepted)).demand()
                 warp = await checks.stream_loss_warp(vehicle)
-                run.cut_short = None
+                run.tracker.follow(rest.trajectory)
                 self._stream(run, OffboardFlight(rest, warp, vehicle, recorder, run.collector))
         return recorder.flight
 
@@ -294,14 +298,19 @@ class FlightControlService:
         return await self._cut_short(flight_id, "land", FlightState.LANDING)
 
     async def wait(self, flight_id: str) -> FlightRecord:
-        """Wait until a started flight is over."""
-        await self._run(flight_id).over.wait()
+        """Wait until a started flight is over; raises why it did not leave the ground."""
+        if flight_id not in self._failures:
+            await self._run(flight_id).over.wait()
+        if flight_id in self._failures:
+            raise self._failures[flight_id]
         return self._database.flights.get(flight_id)
 
     async def wait_for_upload(self, flight_id: str) -> FlightRecord:
-        """Wait until an upload has ended, one way or the other."""
+        """Wait until an upload has ended; raises what it failed of."""
         if flight_id in self._uploads:
             await asyncio.wait({self._uploads[flight_id]})
+        if flight_id in self._failures:
+            raise self._failures[flight_id]
         return self._database.flights.get(flight_id)
 
     # ---- inside ----
@@ -318,6 +327,7 @@ class FlightControlService:
 
     async def _upload(self, recorder: FlightRecorder, vehicle: Vehicle, mission: Mission) -> None:
         upload = self._database.flights.begin_upload(recorder.flight_id, len(mission.items))
+        self._failures.pop(recorder.flight_id, None)
 
         class Told:
             def report(self, stage: str, fraction: float) -> None:
@@ -328,6 +338,8 @@ class FlightControlService:
             items = await vehicle.download_mission()
         except (GcsError, asyncio.CancelledError) as error:
             self._database.flights.end_upload(upload.id, UploadState.FAILED, problem=str(error) or "cancelled")
+            if isinstance(error, GcsError):
+                self._failures[recorder.flight_id] = error
             recorder.problem(f"upload failed: {error}")
             recorder.enter(FlightState.UPLOAD_FAILED, str(error) or "cancelled")
             if isinstance(error, asyncio.CancelledError):
@@ -361,6 +373,7 @@ class FlightControlService:
             if run.vehicle.in_air:
                 run.show_mode()
             else:
+                self._failures[recorder.flight_id] = error
                 recorder.enter(FlightState.ABORTED, str(error))
                 run.over.set()
                 await self._drop(recorder.flight_id)
@@ -401,7 +414,13 @@ class FlightControlService:
         return mission_of_plan(self._plans.read(flight.plan_id), autopilot)
 
     def _checks(self, flight: FlightRecord, plan: Plan) -> FlightChecks:
-        return FlightChecks(flight, plan, self._plans.directory(flight.plan_id))
+        recorder = self._recorder(flight.id)
+        return FlightChecks(
+            flight,
+            plan,
+            self._plans.directory(flight.plan_id),
+            recorder.notice,
+        )
 
     def _accept(self, recorder: FlightRecorder, flight: FlightRecord, names: tuple[str, ...]) -> tuple[str, ...]:
         accepted = tuple(dict.fromkeys((*flight.accepted_failsafes, *names)))

@@ -11,6 +11,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from gcs.core.plan import Plan
+    from gcs.core.trajectory import PiecewisePolynomial
 
 REACHED_M = 0.5
 """A viewpoint is reached when the vehicle was this near to it."""
@@ -40,15 +41,18 @@ class FlightTracker:
     """
 
     def __init__(self, plan: Plan, visits: dict[int, float] | None = None) -> None:
-        from scipy.spatial import KDTree
-
-        trajectory = plan.trajectory
-        count = max(2, int(np.ceil(trajectory.duration_s / SAMPLE_S)) + 1)
-        self._curve = trajectory.value(np.linspace(0.0, trajectory.duration_s, count))
-        self._tree = KDTree(self._curve)
+        self.follow(plan.trajectory)
         self._viewpoints = np.array([v.position_m for v in plan.viewpoints]).reshape(-1, 3)
         self._ids = [v.id for v in plan.viewpoints]
         self.visits: dict[int, float] = dict(visits or {})
+
+    def follow(self, trajectory: PiecewisePolynomial) -> None:
+        """Compare with another curve from now on, such as one from where the vehicle was held."""
+        from scipy.spatial import KDTree
+
+        count = max(2, int(np.ceil(trajectory.duration_s / SAMPLE_S)) + 1)
+        self._curve = trajectory.value(np.linspace(0.0, trajectory.duration_s, count))
+        self._tree = KDTree(self._curve)
 
     def observe(self, position_m: NDArray[np.float64]) -> Observation:
         """Take a position of the vehicle, scene ENU, shape (3,)."""

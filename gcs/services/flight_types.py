@@ -164,9 +164,9 @@ class FlightService(Protocol):
         ...
 
     async def wait_for_upload(self, flight_id: str) -> FlightRecord:
-        """Wait until an upload has ended, one way or the other."""
+        """Wait until an upload has ended; raises what it failed of."""
         ...
 
     async def wait(self, flight_id: str) -> FlightRecord:
-        """Wait until a started flight is over."""
+        """Wait until a started flight is over; raises why it did not leave the ground."""
         ...

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import asyncio
+import time
 from contextlib import asynccontextmanager, suppress
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, Any
 
-from gcs.core.errors import GcsError, RefusedError
+from gcs.core.errors import GcsError, IncompleteError, LinkError, RefusedError
 from gcs.services.live_feed import EventLogged, FeedEvent, QueueOverflowError
 from gcs.services.station import StationServices
 from gcs.storage.data_directory import default_data_directory
@@ -17,20 +18,22 @@ if TYPE_CHECKING:
     from collections.abc import AsyncIterator, Callable
     from pathlib import Path
 
+    from gcs.mavlink.vehicle import Vehicle
     from gcs.services.flight_types import PreflightReport
-    from gcs.storage.records import FlightRecord
 
 VEHICLE_TIMEOUT_S = 30.0
 REFERENCES_TIMEOUT_S = 60.0
+GIVE_UP_S = 60.0
+"""After so long without a heartbeat in flight nothing more is expected of the vehicle."""
 TOLD_KINDS = frozenset({"state", "viewpoint", "mode", "link", "problem", "replan", "offboard", "command"})
 
 
 @dataclass(frozen=True)
 class FlightOutcome:
-    """The summary of `gcs fly --json`."""
+    """The summary of `gcs fly --json`; `failure` is what ended it early."""
 
     ok: bool
-    flight: str
+    flight: str | None
     proved: bool
     reached: int
     viewpoints: int
@@ -39,10 +42,11 @@ class FlightOutcome:
     max_cross_track_m: float | None
     duration_s: float | None
     problems: tuple[str, ...]
+    failure: GcsError | None = None
 
     def as_json(self) -> dict[str, Any]:
         """As a JSON object."""
-        return asdict(self)
+        return {field.name: getattr(self, field.name) for field in fields(self) if field.name != "failure"}
 
 
 async def fly_plan(
@@ -66,53 +70,102 @@ async def fly_plan(
         data_dir: where the flight is recorded.
         say: takes lines for the operator.
 
+    Returns:
+        What came of it; a link that was lost, or a refusal, is its `failure`.
+
     Raises:
         InputError: the folder holds no plan.
-        LinkError: nobody answers.
-        RefusedError: a check or the vehicle said no.
+        StorageError: nothing can be recorded.
     """
     services = StationServices(data_dir or default_data_directory(), stored_links=False)
     async with services.running(_line), _telling(services, say):
-        plan = services.plans.adopt(out).plan
-        await services.vehicles.station.open(url)
-        vehicle = await services.vehicles.station.wait_for_vehicle(VEHICLE_TIMEOUT_S)
+        flying = _Flying(services, out, mode, accept, say)
+        try:
+            await flying.fly(url, confirm)
+        except (LinkError, RefusedError, IncompleteError) as error:
+            return flying.outcome(error)
+        return flying.outcome()
+
+
+class _Flying:
+    """One flight from the command line."""
+
+    def __init__(
+        self, services: StationServices, out: Path, mode: str, accept: tuple[str, ...], say: Callable[[str], None]
+    ) -> None:
+        self._services = services
+        self._plan_id = services.plans.adopt(out).plan.id
+        self._mode = FlightPath(mode)
+        self._accept = accept
+        self._say = say
+        self._flight_id: str | None = None
+
+    async def fly(self, url: str, confirm: Callable[[str], str]) -> None:
+        """From the link to the account of the images."""
+        station, flights, say = self._services.vehicles.station, self._services.flights, self._say
+        await station.open(url)
+        vehicle = await station.wait_for_vehicle(VEHICLE_TIMEOUT_S)
         name = vehicle.identity.name
         say(f"{name} answers on {url}")
         with suppress(GcsError):  # the checks below say what is missing
             await vehicle.request_position_references(REFERENCES_TIMEOUT_S)
-        flights = services.flights
-        flight = await flights.create(plan.id, name, FlightPath(mode))
+        flight = await flights.create(self._plan_id, name, self._mode)
+        self._flight_id = flight.id
         say(f"flight {flight.id}")
-        if flight.mode is FlightPath.MISSION:
-            await flights.upload(flight.id, confirm=None, accept=accept)
-            flight = await flights.wait_for_upload(flight.id)
-            if flight.state is not FlightState.UPLOADED:
-                raise RefusedError("; ".join(flight.problems), field=name)
+        if self._mode is FlightPath.MISSION:
+            await flights.upload(flight.id, confirm=None, accept=self._accept)
+            await flights.wait_for_upload(flight.id)
         _show(await flights.preflight(flight.id), say)
-        typed = confirm(name)
-        await flights.start(flight.id, confirm=typed, accept=accept)
+        await flights.start(flight.id, confirm=confirm(name), accept=self._accept)
         try:
-            flight = await flights.wait(flight.id)
+            await self._follow(flight.id, vehicle)
         except asyncio.CancelledError:
             say(f"{name} goes on under its own control; nothing more is sent")
             raise
-        return _outcome(services, flight)
 
+    async def _follow(self, flight_id: str, vehicle: Vehicle) -> None:
+        """Wait for the flight's end, and no longer than there is hope to hear of it.
 
-def _outcome(services: StationServices, flight: FlightRecord) -> FlightOutcome:
-    summary = services.database.flights.summary(flight.id)
-    return FlightOutcome(
-        ok=flight.state is FlightState.COMPLETED and not flight.problems,
-        flight=flight.id,
-        proved=flight.proved,
-        reached=summary.viewpoints_reached,
-        viewpoints=flight.viewpoints,
-        images_expected=flight.viewpoints,
-        images_received=summary.images_received,
-        max_cross_track_m=flight.max_cross_track_m,
-        duration_s=_seconds_between(flight.started_at, flight.ended_at),
-        problems=flight.problems,
-    )
+        Raises:
+            LinkError: the vehicle is not heard any more.
+        """
+        waiting = asyncio.ensure_future(self._services.flights.wait(flight_id))
+        told_of_hold = False
+        try:
+            while not (await asyncio.wait({waiting}, timeout=1.0))[0]:
+                silent_s = time.monotonic() - vehicle.last_heard_s
+                if silent_s > GIVE_UP_S:
+                    lost = f"not heard for {silent_s:.0f} s; where it is and what it does is not known"
+                    raise LinkError(f"{lost}: `gcs serve` follows the flight again", field=vehicle.identity.name)
+                held = self._services.database.flights.get(flight_id).state is FlightState.HELD
+                if held and not told_of_hold:
+                    self._say("the vehicle is held: land it by hand, or end this and resume the flight in `gcs serve`")
+                told_of_hold = held
+            await waiting
+        finally:
+            waiting.cancel()
+
+    def outcome(self, failure: GcsError | None = None) -> FlightOutcome:
+        """What came of it."""
+        said = () if failure is None else (str(failure),)
+        if self._flight_id is None:
+            viewpoints = len(self._services.plans.read(self._plan_id).viewpoints)
+            return FlightOutcome(False, None, False, 0, viewpoints, viewpoints, 0, None, None, said, failure)
+        summary = self._services.database.flights.summary(self._flight_id)
+        flight = summary.flight
+        return FlightOutcome(
+            ok=flight.state is FlightState.COMPLETED and not flight.problems and failure is None,
+            flight=flight.id,
+            proved=flight.proved,
+            reached=summary.viewpoints_reached,
+            viewpoints=flight.viewpoints,
+            images_expected=flight.viewpoints,
+            images_received=summary.images_received,
+            max_cross_track_m=flight.max_cross_track_m,
+            duration_s=_seconds_between(flight.started_at, flight.ended_at),
+            problems=tuple(dict.fromkeys((*flight.problems, *said))),
+            failure=failure,
+        )
 
 
 def _seconds_between(start: str | None, end: str | None) -> float | None:

@@ -42,6 +42,7 @@ class ImageAccount:
         received: viewpoints that have a stored picture.
         missing: names of the viewpoints that have none.
         unmatched: stored pictures that belong to no viewpoint.
+        pictured: ids of the viewpoints that have a stored picture.
         misses_m: viewpoint id -> how far from it its picture was taken, where that is known.
     """
 
@@ -49,6 +50,7 @@ class ImageAccount:
     received: int
     missing: tuple[str, ...]
     unmatched: int
+    pictured: frozenset[int] = frozenset()
     misses_m: dict[int, float] = field(default_factory=dict)
 
     @property
@@ -110,7 +112,14 @@ class ImageAccounting:
                 misses[viewpoint.id] = float(np.linalg.norm(place - viewpoint.position_m))
         seen = {m for m in matches if m is not None}
         missing = tuple(v.name for k, v in enumerate(plan.viewpoints) if k not in seen)
-        return ImageAccount(len(plan.viewpoints), len(seen), missing, sum(m is None for m in matches), misses)
+        return ImageAccount(
+            expected=len(plan.viewpoints),
+            received=len(seen),
+            missing=missing,
+            unmatched=sum(m is None for m in matches),
+            pictured=frozenset(plan.viewpoints[k].id for k in seen),
+            misses_m=misses,
+        )
 
     def _in_order(self, images: list[ImageRecord]) -> list[ImageRecord]:
         """In the order in which they were taken, as far as it is known."""

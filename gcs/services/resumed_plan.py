@@ -25,14 +25,14 @@ if TYPE_CHECKING:
 FRESH_S = 2.0
 
 
-async def plan_from_here(plan: Plan, directory: Path, vehicle: Vehicle, visited: Collection[int]) -> Plan:
-    """Plan from the vehicle's position through the viewpoints it has not been at, and home.
+async def plan_from_here(plan: Plan, directory: Path, vehicle: Vehicle, pictured: Collection[int]) -> Plan:
+    """Plan from the vehicle's position through the viewpoints that have no picture yet, and home.
 
     Args:
         plan: what was being flown.
         directory: its folder, for the structure.
         vehicle: hovering.
-        visited: ids of the viewpoints that need no second visit.
+        pictured: ids of the viewpoints that need no second visit.
 
     Raises:
         RefusedError: its position is not known, or it is where it must not be: it has to be flown clear by hand.
@@ -42,9 +42,9 @@ async def plan_from_here(plan: Plan, directory: Path, vehicle: Vehicle, visited:
     if place is None or place.age_s(time.monotonic()) > FRESH_S:
         raise RefusedError("its position is not known, so nothing can be planned from it", field=vehicle.identity.name)
     start = scene_position(plan, place.value)
-    rest = [v for v in plan.viewpoints if v.id not in visited]
+    rest = [v for v in plan.viewpoints if v.id not in pictured]
     if start is None or not rest:
-        raise RefusedError("every viewpoint has been reached: return or land instead", field=vehicle.identity.name)
+        raise RefusedError("every viewpoint has its picture: return or land instead", field=vehicle.identity.name)
     return await asyncio.to_thread(_plan, str(directory), start, tuple(v.id for v in rest))
 
 

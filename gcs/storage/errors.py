@@ -6,8 +6,6 @@ import errno
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
-from sqlalchemy.exc import OperationalError, SQLAlchemyError
-
 from gcs.core.errors import StorageError
 
 if TYPE_CHECKING:
@@ -27,6 +25,8 @@ def storage_error(error: OSError, path: Path) -> StorageError:
 @contextmanager
 def database_errors(path: Path) -> Iterator[None]:
     """Turn errors of the database into `StorageError`."""
+    from sqlalchemy.exc import OperationalError, SQLAlchemyError
+
     try:
         yield
     except OperationalError as error:

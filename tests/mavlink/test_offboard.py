@@ -53,6 +53,16 @@ def test_no_setpoint_follows_its_end(end):
     assert bench.stream.end == (end, end.value)
 
 
+def test_a_process_that_stood_still_does_not_go_on_even_when_it_is_fed_first():
+    bench = Bench()
+    bench.stream.step(1.0)
+    bench.now += 3.0
+    bench.stream.feed()
+    assert not bench.stream.step(4.0)
+    assert len(bench.sent) == 1
+    assert bench.stream.end == (OffboardEnd.DEADMAN, "it was interrupted for 3.0 s")
+
+
 def test_an_end_while_the_source_is_being_asked_stops_that_setpoint_too():
     bench = Bench(lambda t: bench.stream.stop(OffboardEnd.MODE_CHANGED) and HERE)
     assert not bench.stream.step(1.0)

@@ -108,6 +108,14 @@ class FlightStack(ABC):
     async def take_off(self, control: FlightControl, altitude_amsl_m: float) -> None:
         """Arm, climb straight up to an altitude and hover there."""
 
+    async def hold_before_stream(self, control: FlightControl) -> None:
+        """In the air and before the first setpoint: make sure that a stream alone brings no mode.
+
+        Args:
+            control: commands and waits.
+        """
+        del control  # by default setpoints are ignored until the mode is commanded
+
     @abstractmethod
     async def enter_offboard(self, control: FlightControl) -> None:
         """Make the vehicle follow setpoints, which are being streamed already."""

@@ -136,6 +136,16 @@ class Px4(FlightStack):
         await control.command(take_off, brings_mode=custom_mode_number(*MODES[FlightMode.TAKEOFF]))
         await control.until_altitude(altitude_amsl_m, tolerance_m=0.5, timeout_s=60.0)
 
+    async def hold_before_stream(self, control: FlightControl) -> None:
+        """See FlightStack: after a lost stream PX4 goes back into OFFBOARD by itself as soon as setpoints come again.
+
+        It then shows HOLD (or another mode) as its failsafe, so the mode shown proves nothing: the command has to be
+        acknowledged.
+        """
+        hold = custom_mode_number(*MODES[FlightMode.HOLD])
+        await control.command(self.mode_command(hold), brings_mode=hold)
+        await control.switch_mode(hold)
+
     async def enter_offboard(self, control: FlightControl) -> None:
         """See FlightStack."""
         await control.switch_mode(custom_mode_number(*MODES[FlightMode.OFFBOARD]))

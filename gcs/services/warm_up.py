@@ -1,0 +1,55 @@
+"""Compiles the kernels of planner and simulator into numba's cache, so that the first plan is as quick as the second.
+
+Run by `make install` as `python -m gcs.services.warm_up`.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from gcs.core.progress import SilentProgress
+from gcs.core.scenario import Cable, parse_scenario
+from gcs.core.structure import Structure
+from gcs.planning.planner import make_plan
+from gcs.services.simulation import Simulator, SimulatorOptions
+
+SCENARIO = {
+    "name": "warm-up",
+    "structure": {"meshes": [{"file": "in memory"}]},
+    "anchor": {"latitude_deg": 0.0, "longitude_deg": 0.0, "altitude_m": 0.0},
+    "ground_m": 0.0,
+    "camera": {
+        "sensor_width_mm": 13.2,
+        "sensor_height_mm": 8.8,
+        "focal_length_mm": 8.8,
+        "image_width_px": 5472,
+        "image_height_px": 3648,
+    },
+    "inspection": {
+        "surface": {"gsd_mm": 3.0, "overlap": 0.0},
+        "points": [{"name": "P", "position_m": [2.0, 0.0, 10.0], "normal": [1.0, 0.0, 0.0]}],
+    },
+    "home_m": [-15.0, -15.0, 0.0],
+    "fence": {"include": [[[-60, -60], [60, -60], [60, 60], [-60, 60]]]},
+}
+
+
+def tower() -> Structure:
+    """A column of 4 m x 4 m x 20 m with a stay."""
+    corners = np.array(
+        [[x, y, z] for z in (0.0, 20.0) for x, y in ((-2, -2), (2, -2), (2, 2), (-2, 2))], dtype=np.float64
+    )
+    sides = [[k, (k + 1) % 4, 4 + (k + 1) % 4] for k in range(4)] + [[k, 4 + (k + 1) % 4, 4 + k] for k in range(4)]
+    faces = np.array([*sides, [4, 5, 6], [4, 6, 7]], dtype=np.int64)
+    return Structure(corners, faces, cables=(Cable(from_m=(0, 0, 20), to_m=(12, 0, 1), radius_m=0.1),))
+
+
+def main() -> None:
+    """Plan a small scene and start a simulated vehicle once."""
+    make_plan(parse_scenario(SCENARIO), tower(), SilentProgress())
+    with Simulator(SimulatorOptions(port=9, extra=("--tcp-base", "none"))):
+        pass
+
+
+if __name__ == "__main__":
+    main()
