@@ -5,6 +5,8 @@ from __future__ import annotations
 import contextlib
 import selectors
 import socket
+import struct
+import time
 from collections.abc import Callable
 
 from gcs.core.errors import GcsError
@@ -13,7 +15,13 @@ from sitl_mocks.dialect import Message
 
 Receive = Callable[[Message, Channel], None]
 
+Arrival = tuple[float, bytes]
+"""Wall time and bytes of a packet."""
+
 _MOST_WAITING_BYTES = 4_000_000
+_OLDEST_ARRIVAL_S = 0.25
+_SO_TIMESTAMPNS = 35
+_TIMESPEC = struct.Struct("@qq")
 
 
 class UdpLink:
@@ -40,6 +48,8 @@ class UdpLink:
         self._address = address
         self.socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self.socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 1_000_000)
+        with contextlib.suppress(OSError):  # where the system has no arrival times, the time of reading has to do
+            self.socket.setsockopt(socket.SOL_SOCKET, _SO_TIMESTAMPNS, 1)
         self.socket.setblocking(False)
         self.socket.bind((address[0] if address[0].startswith("127.") else "", 0))
         outward = FaultyPipe(self._transmit, faults, seed)
@@ -50,16 +60,31 @@ class UdpLink:
         self._receive = receive
         self._wall = wall
 
-    def read(self) -> None:
-        """Take what has come in."""
+    def read(self) -> list[Arrival]:
+        """What has come in, with the wall time at which the system got it.
+
+        A simulator that was kept from running for a while can so let its vehicles hear each packet at its time.
+        """
+        arrivals: list[Arrival] = []
+        now, unix = self._wall(), time.time()
         for _ in range(500):
             try:
-                data, _ = self.socket.recvfrom(65535)
+                data, ancillary, _, _ = self.socket.recvmsg(65535, 64)
             except (BlockingIOError, InterruptedError):
-                return
+                break
             except ConnectionError:
                 continue  # nobody listens there yet
-            self._inward.put(data, self._wall())
+            age_s = 0.0
+            for level, kind, value in ancillary:
+                if level == socket.SOL_SOCKET and kind == _SO_TIMESTAMPNS and len(value) == _TIMESPEC.size:
+                    seconds, nanoseconds = _TIMESPEC.unpack(value)
+                    age_s = min(max(unix - seconds - nanoseconds * 1e-9, 0.0), _OLDEST_ARRIVAL_S)
+            arrivals.append((now - age_s, data))
+        return arrivals
+
+    def deliver(self, data: bytes, wall_s: float) -> None:
+        """Let the vehicle hear a packet."""
+        self._inward.put(data, wall_s)
 
     def release(self, wall_s: float) -> None:
         """Pass on delayed packets."""

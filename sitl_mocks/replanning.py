@@ -32,6 +32,8 @@ _MAX_LEVEL_S = 1.5
 _MIN_SPEED_M_S = 2.0
 _MIN_HEIGHT_M = 3.0
 _LONG_LEG_M = 10.0
+_STEEPEST = 0.8
+"""Steeper than this (sine of the slope) a leg is a climb or a descent, and a detour upward would be none."""
 _SAMPLE_S = 0.2
 REASON = "simulated obstacle: rose above it"
 
@@ -119,9 +121,9 @@ class Replanner:
         vehicle, airframe = self._vehicle, self._vehicle.airframe
         velocity = airframe.reference_velocity_m_s
         speed = float(np.linalg.norm(velocity))
-        level = abs(float(velocity[2])) < 0.5 * speed
+        onward = abs(float(velocity[2])) < _STEEPEST * speed
         flying = vehicle.in_air and airframe.height_m > _MIN_HEIGHT_M and vehicle.follows_plan()
-        if not flying or not level or speed < _MIN_SPEED_M_S:
+        if not flying or not onward or speed < _MIN_SPEED_M_S:
             self._fast_s = 0.0
             return False
         if vehicle.flight_item() >= 0:

@@ -94,6 +94,8 @@ class Simulator:
         self._members: dict[int, Member] = {}
         self._control: ControlPort | None = None
         self._stopping = False
+        self._last_s = clock()
+        self._arrivals: list[tuple[float, UdpLink, bytes]] = []
         self._pool = ThreadPoolExecutor(max_workers=1, thread_name_prefix="camera")
         self._parent = os.getppid()
 
@@ -147,23 +149,35 @@ class Simulator:
             signal.signal(number, self._stop)
         o = self._options
         tick_s = min(max(LOGIC_S / o.speedup, _TICK_RANGE_S[0]), _TICK_RANGE_S[1])
-        last = self._clock()
-        next_tick = last + tick_s
-        next_parent_check = last
+        self._last_s = self._clock()
+        next_tick = self._last_s + tick_s
+        next_parent_check = self._last_s
         while not self._stopping:
             for key, _ in self._selector.select(max(0.0, next_tick - self._clock())):
                 key.data()
             now = self._clock()
+            self._deliver()
             if now < next_tick:
                 continue
-            # After a stall (a laptop that slept, a busy machine) the vehicles' clocks slip rather than race.
-            elapsed = min(now - last, _MOST_CATCH_UP_S, _MOST_STEP_S / o.speedup)
-            last = now
             next_tick = max(next_tick + tick_s, now)
-            self.step(elapsed * o.speedup, now)
+            self._advance(now)
             if o.exit_with_parent and now >= next_parent_check:
                 next_parent_check = now + _PARENT_CHECK_S
                 self._stopping = self._stopping or os.getppid() != self._parent
+
+    def _deliver(self) -> None:
+        """Let the vehicles hear what has come in, each packet at the time at which it came."""
+        arrivals, self._arrivals = sorted(self._arrivals, key=lambda a: a[0]), []
+        for wall_s, link, data in arrivals:
+            self._advance(wall_s)
+            link.deliver(data, max(wall_s, self._last_s))
+
+    def _advance(self, wall_s: float) -> None:
+        """Let time pass until a wall time; after a long stall the vehicles' clocks slip rather than race."""
+        elapsed = wall_s - self._last_s
+        if elapsed > 0.0:
+            self._last_s = wall_s
+            self.step(min(elapsed, _MOST_CATCH_UP_S) * self._options.speedup, wall_s)
 
     def step(self, dt_s: float, wall_s: float) -> None:
         """Let time pass for all vehicles."""
@@ -203,7 +217,7 @@ class Simulator:
         )
         member.links.append(link)
         vehicle.add_channel(link.channel)
-        watch(self._selector, link.socket, link.read)
+        watch(self._selector, link.socket, lambda: self._arrivals.extend((t, link, data) for t, data in link.read()))
         line = f"vehicle {vehicle.system_id} {vehicle.kind} ready: udp -> {o.host}:{o.port}"
         if o.autopilot == "ardupilot" and o.tcp_base is not None:
             server = listen(o.host, 0 if o.tcp_base == 0 else o.tcp_base + 10 * index)

@@ -1,7 +1,8 @@
 """The certificate of coverage: which sides of the surface the finished viewpoints see, of those that could be seen.
 
-It shares nothing with the search for viewpoints but the definition: it has its own samples, looks at the pictures as
-they will be taken, and asks for every side that is not seen whether any place could have seen it.
+It shares only definitions with the search for viewpoints (what a picture shows, where a random place lies): it has its
+own samples, looks at the whole pictures as they will be taken, and asks for every side that is not seen whether any
+place could have seen it.
 """
 
 from __future__ import annotations

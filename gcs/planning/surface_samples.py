@@ -19,6 +19,7 @@ LIFT_M = 0.002
 """Targets are looked at this far above their side, so that their own triangle does not hide them."""
 
 MOST_ROUNDS = 20
+AREA_PROBES = 4000
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,9 +47,20 @@ class SurfaceSamples:
 
 
 def surface_area(structure: Structure, regions: tuple[Region, ...]) -> float:
-    """Area (m²) of the triangles, of one side, that touch the regions' boxes; of all when there are no regions."""
-    area, _ = _areas_and_normals(structure.triangles_m)
-    return float(area[_touches(structure.triangles_m, regions)].sum())
+    """Area (m²) of one side of the surface, in the regions if there are any.
+
+    In regions it is estimated from points of the triangles that touch them, and never 0 when there are such.
+    """
+    triangles = structure.triangles_m
+    area, _ = _areas_and_normals(triangles)
+    touching = _touches(triangles, regions)
+    whole = float(area[touching].sum())
+    if not regions or whole == 0:
+        return whole
+    rng = np.random.default_rng(0)
+    face = rng.choice(np.flatnonzero(touching), size=AREA_PROBES, p=area[touching] / whole)
+    inside = int(_inside(_points_on(triangles[face], rng), regions).sum())
+    return whole * (inside + 1) / (AREA_PROBES + 1)
 
 
 def sample_surface(
@@ -76,11 +88,7 @@ def sample_surface(
         if missing <= 0:
             break
         face = rng.choice(len(share), size=points, p=share / share.sum())
-        u, w = rng.random(points), rng.random(points)
-        outside = u + w > 1
-        u[outside], w[outside] = 1 - u[outside], 1 - w[outside]
-        corner = triangles[face]
-        p = corner[:, 0] + u[:, None] * (corner[:, 1] - corner[:, 0]) + w[:, None] * (corner[:, 2] - corner[:, 0])
+        p = _points_on(triangles[face], rng)
         keep = np.flatnonzero(_inside(p, regions))[:missing]
         found.append(p[keep])
         sides.append(normals[face[keep]])
@@ -89,6 +97,15 @@ def sample_surface(
         raise InputError("no surface of the structure lies in them", field="inspection.surface.regions")
     p, n = np.concatenate(found), np.concatenate(sides)
     return SurfaceSamples(np.concatenate([p, p]), np.concatenate([n, -n]))
+
+
+def _points_on(triangles: NDArray[np.float64], rng: np.random.Generator) -> NDArray[np.float64]:
+    """A point on each triangle, evenly by area, shape (F, 3, 3) -> (F, 3)."""
+    u, w = rng.random(len(triangles)), rng.random(len(triangles))
+    outside = u + w > 1
+    u[outside], w[outside] = 1 - u[outside], 1 - w[outside]
+    a, b, c = triangles[:, 0], triangles[:, 1], triangles[:, 2]
+    return np.asarray(a + u[:, None] * (b - a) + w[:, None] * (c - a))
 
 
 def _areas_and_normals(triangles: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

@@ -29,6 +29,10 @@ COVERED_SHARE = 0.982
 
 SAMPLES_PER_PICTURE = 60
 FEWEST_SAMPLES, MOST_SAMPLES = 16000, 30000
+DENSEST_PER_PICTURE = 4000
+"""No more samples than this for every picture's worth of surface, however small the surface is."""
+
+LEAST_SAMPLES = 300
 
 UNDER_COVER = 0.9
 NEAREST = 0.9
@@ -73,7 +77,8 @@ def find_surface_viewpoints(
     rng = np.random.default_rng(scenario.planner.seed)
     area = surface_area(structure, task.regions)
     core = (1 - task.overlap) ** 2 * footprint_area(camera, furthest_m)
-    samples = int(np.clip(SAMPLES_PER_PICTURE * area / core, FEWEST_SAMPLES, MOST_SAMPLES))
+    samples = np.clip(SAMPLES_PER_PICTURE * area / core, FEWEST_SAMPLES, MOST_SAMPLES)
+    samples = max(min(int(samples), int(DENSEST_PER_PICTURE * area / core)), LEAST_SAMPLES)
     targets = sample_surface(structure, samples, rng, task.regions)
     covered = seen_targets(camera, task, earlier, targets, sight, progress, stage=STAGE)
     search = CandidateSearch(targets, task, camera, furthest_m, space, sight, rng)

@@ -88,7 +88,7 @@ def import_folder(flight_id: str, folder: Path, data_dir: Path | None) -> Import
     Raises:
         NotFoundError: there is no such flight.
         InputError: there is no such folder, or the flight's plan is not there any more.
-        ConflictError: a station is running on the data directory, or the flight is not over.
+        ConflictError: a station is running on the data directory.
         StorageError: the disk did not take a picture; what was kept before stays, and the import can be repeated.
     """
     if not folder.is_dir():

@@ -34,7 +34,7 @@ def test_regions_select_surface():
     samples = sample_surface(SQUARES, 500, np.random.default_rng(0), (region,))
     assert len(samples) == 1000
     assert (samples.points_m <= [4, 2, 1]).all()
-    assert surface_area(SQUARES, (region,)) == pytest.approx(100)
+    assert surface_area(SQUARES, (region,)) == pytest.approx(8, rel=0.1)
     assert surface_area(SQUARES, ()) == pytest.approx(125)
 
 

@@ -91,7 +91,8 @@ def test_overlap_is_planned_as_a_smaller_picture(tower_scenario, tower, tower_sc
 
 
 def test_the_same_seed_gives_the_same_viewpoints(tower_scenario, tower, tower_scene):
-    scenario = asking(tower_scenario, surface=SurfaceTask(gsd_mm=GSD_MM))
+    region = Region(min_m=(3, -5, 20), max_m=(5, 5, 25))
+    scenario = asking(tower_scenario, surface=SurfaceTask(gsd_mm=2.5, regions=(region,)))
     first, second = (find(scenario, tower, tower_scene) for _ in range(2))
     assert [p.name for p in first] == [p.name for p in second]
     assert all(np.array_equal(a.position_m, b.position_m) for a, b in zip(first, second, strict=True))

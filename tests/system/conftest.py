@@ -28,10 +28,10 @@ from gcs.storage.plan_files import read_plan
 
 SCENARIO = Path(__file__).resolve().parents[2] / "gcs/storage/samples/gantry-crane.scenario.yaml"
 FOUR_POINTS = (
-    {"name": "L1", "position_m": [-2.6, 1.5, 32.6], "normal": [0.0, 1.0, 0.0]},
-    {"name": "L4", "position_m": [-2.6, 1.5, 31.0], "normal": [0.0, 1.0, 0.0]},
-    {"name": "R1", "position_m": [-2.6, -1.5, 32.6], "normal": [0.0, -1.0, 0.0]},
-    {"name": "R4", "position_m": [-2.6, -1.5, 31.0], "normal": [0.0, -1.0, 0.0]},
+    {"name": "L1", "position_m": [-2.6, 1.94, 32.6], "normal": [0.0, 1.0, 0.0]},
+    {"name": "L4", "position_m": [-2.6, 1.94, 31.0], "normal": [0.0, 1.0, 0.0]},
+    {"name": "R1", "position_m": [-2.6, -1.94, 32.6], "normal": [0.0, -1.0, 0.0]},
+    {"name": "R4", "position_m": [-2.6, -1.94, 31.0], "normal": [0.0, -1.0, 0.0]},
 )
 
 

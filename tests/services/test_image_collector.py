@@ -1,0 +1,151 @@
+"""The collector with a vehicle that loses, breaks and forgets pictures, and a disk that fills up."""
+
+from __future__ import annotations
+
+import asyncio
+import io
+import zlib
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from gcs.core.errors import LinkError, NotFoundError, StorageError
+from gcs.core.frames import GeoPoint, geodetic_from_enu
+from gcs.core.vehicle import ImageReport
+from gcs.services import image_collector
+from gcs.services.flight_recorder import FlightRecorder
+from gcs.services.image_collector import ImageCollector
+from gcs.services.live_feed import LiveFeed
+from gcs.storage.database import Database
+from gcs.storage.image_store import ImageStore
+from gcs.storage.records import FlightPath, FlightRecord, FlightState, ImageState, PlanRecord, PlanState
+
+ANCHOR = GeoPoint(31.3622, 121.6155, 4.0)
+PLACES = [(0.0, 0.0, 10.0), (8.0, 0.0, 10.0)]
+FLIGHT = "flight-1"
+
+
+def jpeg(colour):
+    file = io.BytesIO()
+    Image.new("RGB", (16, 12), (colour, 0, 0)).save(file, "JPEG")
+    return file.getvalue()
+
+
+class Camera:
+    """Serves files; `faults` are raised before a file is given."""
+
+    def __init__(self):
+        self.files = {f"/DCIM/IMG_{k}.JPG": jpeg(10 * k) for k in range(2)}
+        self.faults = []
+        self.fetched = []
+
+    async def fetch_file(self, path):
+        self.fetched.append(path)
+        await asyncio.sleep(0)
+        if self.faults:
+            raise self.faults.pop(0)
+        if path not in self.files:
+            raise NotFoundError("no such file", field=path)
+        data = self.files[path]
+        return SimpleNamespace(data=data, crc32=zlib.crc32(data), confirmed=True)
+
+    async def list_files(self, folder):
+        names = [p.removeprefix(f"{folder}/") for p in self.files]
+        return SimpleNamespace(entries=tuple(SimpleNamespace(name=n, is_directory=False) for n in names))
+
+
+@pytest.fixture
+def camera():
+    return Camera()
+
+
+@pytest.fixture
+def recorder(tmp_path):
+    database = Database(tmp_path)
+    at = "2026-11-22T10:00:00Z"
+    database.plans.add(PlanRecord("plan-1", "two", at, {}, PlanState.READY, plan_hash="0" * 64))
+    database.flights.add(
+        FlightRecord(FLIGHT, "plan-1", "0" * 64, "px4-1", 1, FlightPath.MISSION, FlightState.FLYING, at, at, 2)
+    )
+    yield FlightRecorder(FLIGHT, database, ImageStore(tmp_path), LiveFeed())
+    database.close()
+
+
+@pytest.fixture
+async def collector(camera, recorder, monkeypatch):
+    monkeypatch.setattr(image_collector, "RETRY_S", 0.001)
+    viewpoints = tuple(
+        SimpleNamespace(id=k, name=f"P{k}", position_m=np.array(p), yaw_rad=0.0, gimbal_pitch_rad=0.0)
+        for k, p in enumerate(PLACES)
+    )
+    plan = SimpleNamespace(viewpoints=viewpoints, scenario=SimpleNamespace(anchor=SimpleNamespace(point=ANCHOR)))
+    collector = ImageCollector(plan, camera, recorder)
+    running = asyncio.create_task(collector.run())
+    yield collector
+    running.cancel()
+
+
+def report(k, file="mftp:/DCIM/IMG_{}.JPG"):
+    latitude, longitude, altitude = geodetic_from_enu(np.array(PLACES[k]), ANCHOR)
+    place = GeoPoint(float(latitude), float(longitude), float(altitude))
+    return ImageReport(k, None if file is None else file.format(k), place, 10.0 + k)
+
+
+def states(recorder):
+    return [i.state for i in recorder.database.images.of_flight(FLIGHT)]
+
+
+async def test_announced_pictures_are_fetched_once_each_however_often_they_are_announced(collector, recorder, camera):
+    for k in (0, 1, 0, 1):
+        collector.take(report(k))
+    account = await collector.finish()
+    assert account.complete
+    assert collector.count == 2
+    assert sorted(set(camera.fetched)) == sorted(camera.fetched) == sorted(camera.files)
+    assert account.misses_m == {0: pytest.approx(0.0, abs=0.02), 1: pytest.approx(0.0, abs=0.02)}
+
+
+async def test_a_lost_link_is_tried_again_until_the_file_is_whole(collector, recorder, camera):
+    camera.faults = [LinkError("lost")] * 3
+    collector.take(report(0))
+    collector.take(report(1))
+    assert (await collector.finish()).complete
+    assert states(recorder) == [ImageState.STORED] * 2
+
+
+async def test_pictures_without_names_and_unheard_ones_are_found_in_the_folder_and_earlier_ones_left_out(
+    collector, recorder, camera
+):
+    new = dict(camera.files)
+    camera.files = {"/DCIM/OLD.JPG": jpeg(200)}
+    await collector.remember_earlier()
+    camera.files.update(new)
+    collector.take(report(0, file=None))
+    account = await collector.finish()
+    assert sorted(camera.fetched) == sorted(new)
+    assert account.received == 2, "as many as viewpoints, so the order tells which is which"
+
+
+async def test_a_full_disk_is_said_once_and_nothing_half_written_counts(collector, recorder, camera, monkeypatch):
+    def full(*args, **kwargs):
+        raise StorageError("no space left on the device", field="images")
+
+    monkeypatch.setattr(recorder._store, "save", full)
+    collector.take(report(0))
+    collector.take(report(1))
+    account = await collector.finish()
+    assert (account.received, account.missing) == (0, ("P0", "P1"))
+    assert set(states(recorder)) == {ImageState.FAILED}
+    problems = recorder.flight.problems
+    assert len(problems) == 1
+    assert "no space left" in problems[0]
+    assert recorder.database.flights.summary(FLIGHT).images_received == 0
+
+
+@pytest.mark.parametrize("file", ["http://elsewhere/x.jpg", "mftp:" + "a" * 300, "/etc/passwd", ""])
+async def test_what_cannot_be_a_file_of_the_camera_is_not_asked_for(file, collector, camera):
+    collector.take(report(0, file=file))
+    await asyncio.sleep(0.01)
+    assert camera.fetched == []

@@ -1,0 +1,93 @@
+"""What must not be flown is refused before the vehicle is armed, with one line and the exit status of the interface."""
+
+import asyncio
+
+import pytest
+
+pytestmark = pytest.mark.system
+
+ARM = "400"
+HOME_3_M_HIGH = "--home=31.36201962,121.61528979,7.0"
+
+
+async def fly(gcs, plan, vehicle, data, *extra):
+    return await gcs(
+        "fly", plan, "--connect", vehicle.url, "--yes", vehicle.name, "--json", "--data", data, *extra, timeout_s=90
+    )
+
+
+def is_refused(told, vehicle, *words):
+    assert told.status == 5, told.text
+    last = told.lines[-1]
+    assert last.startswith("gcs: ")
+    for word in words:
+        assert word in last
+    summary = told.summary
+    assert summary["ok"] is False
+    assert summary["problems"], summary
+    truth = vehicle.truth
+    assert ARM not in truth["commands"], "it was not even asked to arm"
+    assert not truth["armed"]
+
+
+async def test_datum_3_m_off(gcs, vehicle, small_plan, tmp_path):
+    async def one(kind, mode):
+        flown = vehicle(kind, HOME_3_M_HIGH, plan=small_plan)
+        told = await fly(gcs, small_plan, flown, tmp_path / kind, "--mode", mode)
+        is_refused(told, flown, "datum", "+3.0")
+
+    async with asyncio.TaskGroup() as group:
+        group.create_task(one("px4", "mission"))
+        group.create_task(one("ardupilot", "offboard"))
+
+
+async def test_limits_below_the_plan_and_a_battery_too_empty(gcs, vehicle, small_plan, tmp_path):
+    async def too_slow():
+        flown = vehicle("px4", "--param", "MPC_XY_VEL_MAX=2", plan=small_plan)
+        told = await gcs("upload", small_plan, "--connect", flown.url, timeout_s=60)
+        assert told.status == 5, told.text
+        assert "horizontal speed" in told.lines[-1]
+        told = await fly(gcs, small_plan, flown, tmp_path / "slow")
+        is_refused(told, flown, "horizontal speed", "2.00 m/s")
+        assert flown.truth["mission_items"] == 0, "nothing was uploaded"
+
+    async def too_empty():
+        flown = vehicle("ardupilot", plan=small_plan)
+        flown.ask("battery 0.27")
+        told = await fly(gcs, small_plan, flown, tmp_path / "empty")
+        is_refused(told, flown, "battery", "27% left")
+
+    async with asyncio.TaskGroup() as group:
+        group.create_task(too_slow())
+        group.create_task(too_empty())
+
+
+async def test_a_failsafe_that_is_off_is_accepted_by_its_name_and_the_return_altitude_raised(
+    gcs, vehicle, small_plan, tmp_path, records
+):
+    flown = vehicle("px4", "--param", "NAV_DLL_ACT=0", "--param", "RTL_RETURN_ALT=20", plan=small_plan, speedup=10)
+    told = await fly(gcs, small_plan, flown, tmp_path / "data")
+    is_refused(told, flown, "NAV_DLL_ACT", "must be accepted by name")
+    assert flown.truth["mission_items"] == 0
+    told = await fly(gcs, small_plan, flown, tmp_path / "data", "--accept", "NAV_DLL_ACT")
+    assert told.status == 0, told.text
+    raised = [t for t in records(tmp_path / "data").texts("command") if "return altitude" in t]
+    assert len(raised) == 1
+    assert "from 20 m to 34 m" in raised[0] and "RTL_RETURN_ALT = 34" in raised[0]
+    assert raised[0] in told.text
+
+
+async def test_a_vehicle_that_vanishes_in_mid_upload(gcs, vehicle, small_plan, tmp_path, records):
+    flown = vehicle("px4", "--delay", "0.15", plan=small_plan, speedup=1)
+    data = tmp_path / "data"
+    async with gcs.running(
+        "fly", small_plan, "--connect", flown.url, "--yes", flown.name, "--json", "--data", data
+    ) as told:
+        await told.until("sending the mission")
+        flown.ask("vanish")
+        await asyncio.wait_for(told.process.wait(), 60)
+    assert told.status == 4, told.text
+    assert told.lines[-1].startswith("gcs: px4-1: ")
+    assert told.summary["proved"] is False
+    assert records(data).rows("select state, proved from flights") == [("upload_failed", 0)]
+    assert records(data).rows("select state from uploads") == [("failed",)]
