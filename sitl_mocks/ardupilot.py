@@ -349,6 +349,8 @@ class ArduPilotVehicle(SimulatedVehicle):
     def _enter(self, mode: Mode) -> None:
         if self.mode is Mode.AUTO and mode is not Mode.AUTO:
             self.run.leave()
+        if mode is not self.mode:
+            self.counters.interrupted()
         self.mode = mode
         self._guided = None
         self._guided_idle = True
@@ -421,7 +423,7 @@ class ArduPilotVehicle(SimulatedVehicle):
     def _take_setpoint(self, setpoint: Setpoint) -> None:
         if self.mode is not Mode.GUIDED:
             return
-        self.counters.setpoints_in_offboard += 1
+        self.counters.followed(self.time_s)
         if not self.in_air:
             return  # GUIDED leaves the ground by NAV_TAKEOFF alone
         zero = np.zeros(3)

@@ -312,6 +312,8 @@ class Px4Vehicle(SimulatedVehicle):
     # Modes -----------------------------------------------------------------------------------------------------------
 
     def _enter(self, mode: Mode) -> None:
+        if mode is not self.mode and self.failsafe is None:
+            self.counters.interrupted()
         self.mode = mode
         self.run.leave()
         self.flight.refresh_limits()
@@ -408,7 +410,7 @@ class Px4Vehicle(SimulatedVehicle):
         self._setpoint, self._setpoint_s = setpoint, self.time_s
         if self.mode is not Mode.OFFBOARD:
             return
-        self.counters.setpoints_in_offboard += 1
+        self.counters.followed(self.time_s)
         if self.armed:
             self._apply_setpoint(setpoint)
 

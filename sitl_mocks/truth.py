@@ -33,6 +33,7 @@ def truth(vehicle: SimulatedVehicle) -> dict[str, Any]:
         "captures": len(vehicle.camera.shots),
         "setpoints": counters.setpoints,
         "setpoints_in_offboard": counters.setpoints_in_offboard,
+        "longest_setpoint_gap_s": round(counters.longest_gap_s, 3),
         "seconds_since_setpoint": None if heard is None else round(vehicle.wall_s - heard, 3),
         "forced_arms": counters.forced_arms,
         "commands": {str(number): count for number, count in sorted(counters.commands.items())},

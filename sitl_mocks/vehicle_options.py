@@ -50,3 +50,17 @@ class Counters:
     forced_arms: int = 0
     commands: dict[int, int] = field(default_factory=dict)
     last_setpoint_wall_s: float | None = None
+    longest_gap_s: float = 0.0
+    """Longest time between two setpoints that were followed, on the vehicle's clock."""
+    _followed_s: float | None = None
+
+    def followed(self, now_s: float) -> None:
+        """A setpoint was followed at a time of the vehicle's clock."""
+        self.setpoints_in_offboard += 1
+        if self._followed_s is not None:
+            self.longest_gap_s = max(self.longest_gap_s, now_s - self._followed_s)
+        self._followed_s = now_s
+
+    def interrupted(self) -> None:
+        """Setpoints are not followed any more; the time until the next one is no gap."""
+        self._followed_s = None

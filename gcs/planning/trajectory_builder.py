@@ -47,9 +47,11 @@ class BuiltTrajectory:
 def longest_segment_m(limits: FlightLimits, half_width_m: float) -> float:
     """Longest straight that one polynomial flies (m): half the way from rest to full speed.
 
-    It is also bounded by the corridor's width, because segments of very different lengths make a stiff problem.
+    It is also bounded by the corridor's width on both sides: segments of very different lengths make a stiff problem,
+    and a slow vehicle needs no more of them than a quick one.
     """
-    return min(limits.speed_m_s**2 / (4 * limits.acceleration_m_s2), 10 * half_width_m)
+    wanted = limits.speed_m_s**2 / (4 * limits.acceleration_m_s2)
+    return min(max(wanted, half_width_m), 10 * half_width_m)
 
 
 def estimated_leg_time_s(length_m: NDArray[np.float64], limits: FlightLimits) -> NDArray[np.float64]:

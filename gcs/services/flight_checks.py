@@ -85,23 +85,21 @@ class FlightChecks:
 
     async def before_upload(self, vehicle: Vehicle, accepted: tuple[str, ...]) -> CheckedReport:
         """Limits, failsafes and ways home; the return altitude is raised on the vehicle where that clears the way."""
-        limits = await self._with_safe_return(vehicle, await vehicle.read_limits())
+        limits = await vehicle.read_limits()
         checks = preflight.check_limits(self._plan, limits)
         checks += preflight.check_failsafes(await vehicle.read_failsafes())
-        checks.append(await self._ways_home(limits, may_raise=False))
-        return self._report(checks, accepted)
+        return await self._with_ways_home(vehicle, limits, checks, accepted)
 
     async def before_start(self, vehicle: Vehicle, accepted: tuple[str, ...]) -> CheckedReport:
         """Everything, on the ground and just before arming."""
-        limits = await self._with_safe_return(vehicle, await vehicle.read_limits())
+        limits = await vehicle.read_limits()
         checks = [
             *self._of_the_moment(vehicle),
             await self._datum(vehicle),
             *preflight.check_limits(self._plan, limits),
         ]
         checks += preflight.check_failsafes(await vehicle.read_failsafes())
-        checks.append(await self._ways_home(limits, may_raise=False))
-        return self._report(checks, accepted)
+        return await self._with_ways_home(vehicle, limits, checks, accepted)
 
     async def in_the_air(self, vehicle: Vehicle, accepted: tuple[str, ...]) -> CheckedReport:
         """What can be asked of a vehicle that is to go on from where it hovers."""
@@ -141,6 +139,15 @@ class FlightChecks:
         except GcsError as error:
             return PreflightCheck("datum", "refused", error.message)
         return preflight.check_datum(self._plan, vehicle.telemetry)
+
+    async def _with_ways_home(
+        self, vehicle: Vehicle, limits: VehicleLimits, checks: list[PreflightCheck], accepted: tuple[str, ...]
+    ) -> CheckedReport:
+        """The last check of a report; nothing is changed on a vehicle that is refused for another reason."""
+        fit = self._report(checks, accepted).ok
+        if fit:
+            limits = await self._with_safe_return(vehicle, limits)
+        return self._report([*checks, await self._ways_home(limits, may_raise=not fit)], accepted)
 
     async def _with_safe_return(self, vehicle: Vehicle, limits: VehicleLimits) -> VehicleLimits:
         """Raise the vehicle's return altitude where its return would hit the structure and a higher one does not."""

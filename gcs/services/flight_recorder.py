@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import time
 from typing import TYPE_CHECKING, Any
 
@@ -20,7 +21,7 @@ if TYPE_CHECKING:
     from gcs.core.vehicle import ReplanReport
     from gcs.services.live_feed import LiveFeed
     from gcs.storage.database import Database
-    from gcs.storage.image_store import ImageStore
+    from gcs.storage.image_store import ImageStore, StoredImage
     from gcs.storage.records import FlightEventRecord, FlightRecord
 
 TRACK_INTERVAL_S = 0.2
@@ -120,6 +121,10 @@ class FlightRecorder:
             self._feed.publish(FlightChanged(self.database.flights.summary(self.flight_id)))
         return image
 
+    async def store_image_aside(self, image: ImageRecord, data: bytes, **announced: int | None) -> ImageRecord:
+        """As `store_image`, without holding up the event loop by writing the file."""
+        return self._stored(image, await asyncio.to_thread(self._store.save, image, data, **announced))
+
     def store_image(self, image: ImageRecord, data: bytes, **announced: int | None) -> ImageRecord:
         """Keep a picture's file.
 
@@ -132,7 +137,9 @@ class FlightRecorder:
             IncompleteError: it is not whole.
             StorageError: the disk did not take it.
         """
-        stored = self._store.save(image, data, **announced)
+        return self._stored(image, self._store.save(image, data, **announced))
+
+    def _stored(self, image: ImageRecord, stored: StoredImage) -> ImageRecord:
         return self.change_image(
             image.id,
             state=ImageState.STORED,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import math
 import re
 from dataclasses import dataclass, field
@@ -18,6 +19,8 @@ from gcs.storage.records import FlightState, ImageState
 
 if TYPE_CHECKING:
     from datetime import datetime
+
+    from numpy.typing import NDArray
 
     from gcs.core.frames import GeoPoint
     from gcs.core.plan import Plan
@@ -90,8 +93,18 @@ class ImageAccounting:
 
     def settle(self) -> ImageAccount:
         """Match anew, write changed matches down, and count."""
-        plan, recorder = self._plan, self._recorder
-        stored = [i for i in recorder.database.images.of_flight(recorder.flight_id) if i.state is ImageState.STORED]
+        return self._write_down(*self._match(self._stored()))
+
+    async def settle_aside(self) -> ImageAccount:
+        """The same without holding up the event loop by reading files and comparing."""
+        return self._write_down(*await asyncio.to_thread(self._match, self._stored()))
+
+    def _stored(self) -> list[ImageRecord]:
+        images = self._recorder.database.images.of_flight(self._recorder.flight_id)
+        return [i for i in images if i.state is ImageState.STORED]
+
+    def _match(self, stored: list[ImageRecord]) -> tuple[list[ImageRecord], list[int | None], NDArray[np.float64]]:
+        """The pictures in order, the index of each one's viewpoint, and where they were taken; writes nothing."""
         images = self._in_order(stored)
         positions, headings = np.full((len(images), 3), np.nan), np.full(len(images), np.nan)
         for k, image in enumerate(images):
@@ -101,7 +114,12 @@ class ImageAccounting:
                 positions[k] = position
             if told.yaw_rad is not None:
                 headings[k] = told.yaw_rad
-        matches = match_images(positions, headings, *_wanted(plan))
+        return images, match_images(positions, headings, *_wanted(self._plan)), positions
+
+    def _write_down(
+        self, images: list[ImageRecord], matches: list[int | None], positions: NDArray[np.float64]
+    ) -> ImageAccount:
+        plan, recorder = self._plan, self._recorder
         misses: dict[int, float] = {}
         for image, match, place in zip(images, matches, positions, strict=True):
             viewpoint = None if match is None else plan.viewpoints[match]

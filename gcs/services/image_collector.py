@@ -69,22 +69,20 @@ class ImageCollector:
                 self._nameless.add(report.index)
                 self._recorder.log("image", f"picture {report.index} taken")
             return
-        image = self._recorder.image(
-            ImageRecord(
-                id=new_id("image"),
-                flight_id=self._recorder.flight_id,
-                index=report.index,
-                viewpoint_id=None,
-                viewpoint_name=None,
-                state=ImageState.ANNOUNCED,
-                source="link",
-                announced_at=utc_now(),
-                vehicle_path=path,
-                vehicle_time_s=report.at_vehicle_s,
-                position_m=scene_position(self._plan, report.position),
-            )
+        image = ImageRecord(
+            id=new_id("image"),
+            flight_id=self._recorder.flight_id,
+            index=report.index,
+            viewpoint_id=None,
+            viewpoint_name=None,
+            state=ImageState.ANNOUNCED,
+            source="link",
+            announced_at=utc_now(),
+            vehicle_path=path,
+            vehicle_time_s=report.at_vehicle_s,
+            position_m=scene_position(self._plan, report.position),
         )
-        if image.state is ImageState.ANNOUNCED:
+        if self._recorder.image(image).id == image.id:  # else it was announced before
             self._waiting.put_nowait(image)
 
     async def run(self) -> None:
@@ -101,21 +99,24 @@ class ImageCollector:
     async def finish(self) -> ImageAccount:
         """After the flight: fetch what is left, look for what was never announced, and settle the account."""
         await self._waiting.join()
-        account = self._accounting.settle()
+        account = await self._accounting.settle_aside()
         if not account.complete or self._nameless:
             try:
                 await self._find_unannounced()
             except GcsError as error:
                 self._recorder.log("image", f"the camera's folder cannot be listed: {error}", severity=WARNING)
             await self._waiting.join()
-            account = self._accounting.settle()
+            account = await self._accounting.settle_aside()
         return account
 
     async def _find_unannounced(self) -> None:
-        known = {i.vehicle_path for i in self._stored_or_waiting()} | {f"{FOLDER}/{n}" for n in self._earlier()}
-        for name in sorted(await self._names()):
+        known = {i.vehicle_path: i for i in self._recorder.database.images.of_flight(self._recorder.flight_id)}
+        names = await self._names()
+        for name in sorted(names - self._earlier()):
             path = f"{FOLDER}/{name}"
-            if path not in known:
+            if path in known and known[path].state is ImageState.FAILED:
+                self._waiting.put_nowait(known[path])
+            elif path not in known:
                 image = ImageRecord(
                     id=new_id("image"),
                     flight_id=self._recorder.flight_id,
@@ -139,7 +140,7 @@ class ImageCollector:
                 await asyncio.sleep(RETRY_S * attempt)
             try:
                 file = await self._vehicle.fetch_file(image.vehicle_path)
-                self._recorder.store_image(image, file.data, crc32=file.crc32)
+                await self._recorder.store_image_aside(image, file.data, crc32=file.crc32)
             except StorageError as error:
                 self._recorder.problem(f"pictures cannot be kept, they stay on the vehicle: {error}")
                 problem = str(error)
@@ -151,7 +152,7 @@ class ImageCollector:
             else:
                 checked = "CRC-32 agrees" if file.confirmed else "the vehicle offers no CRC-32 to compare"
                 self._recorder.log("image", f"{image.vehicle_path} received, {len(file.data)} bytes, {checked}")
-                self._accounting.settle()
+                await self._accounting.settle_aside()
                 return
         self._recorder.change_image(image.id, state=ImageState.FAILED, problem=problem)
         self._recorder.log("image", f"{image.vehicle_path} not received: {problem}", severity=NOTICE)
@@ -159,10 +160,6 @@ class ImageCollector:
     async def _names(self) -> set[str]:
         listing = await self._vehicle.list_files(FOLDER)
         return {entry.name for entry in listing.entries if not entry.is_directory}
-
-    def _stored_or_waiting(self) -> tuple[ImageRecord, ...]:
-        images = self._recorder.database.images.of_flight(self._recorder.flight_id)
-        return tuple(i for i in images if i.state is not ImageState.FAILED)
 
     def _earlier(self) -> set[str]:
         for event in self._recorder.database.flights.events(self._recorder.flight_id):

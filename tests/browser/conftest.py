@@ -257,6 +257,6 @@ async def real_station(dashboard_dir: Path, tmp_path: Path) -> AsyncIterator[str
 @pytest.fixture
 async def simulated_vehicle(mavlink_port: int) -> AsyncIterator[str]:
     """The URL at which a simulated PX4-like vehicle is heard that leaves the path once and reports it."""
-    arguments = ["-m", "sitl_mocks", "--exit-with-parent", "--port", str(mavlink_port), "--speedup", "8", "--replan"]
+    arguments = ["-m", "gcs.cli", "simulate", "--port", str(mavlink_port), "--speedup", "8", "--replan"]
     async with _process(*arguments, ready="ready"):
         yield f"udpin:127.0.0.1:{mavlink_port}"

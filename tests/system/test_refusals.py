@@ -55,7 +55,7 @@ async def test_limits_below_the_plan_and_a_battery_too_empty(gcs, vehicle, small
         flown = vehicle("ardupilot", plan=small_plan)
         flown.ask("battery 0.27")
         told = await fly(gcs, small_plan, flown, tmp_path / "empty")
-        is_refused(told, flown, "battery", "27% left")
+        is_refused(told, flown, "battery", "% left, ")
 
     async with asyncio.TaskGroup() as group:
         group.create_task(too_slow())

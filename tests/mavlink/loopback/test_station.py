@@ -171,7 +171,7 @@ async def test_the_link_is_lost_and_comes_back_and_old_values_keep_their_times(s
     url = await station.open(f"udpin:{HOST}:0")
     scripted = await make_vehicle(port_of(url))
     vehicle = await station.wait_for_vehicle(5.0)
-    await vehicle.until(lambda: vehicle.telemetry.position is not None, 5.0, "its position")
+    await vehicle.until(lambda: vehicle.telemetry.position is not None, 30.0, "its position")
     async with vehicle.events() as events:
         scripted.silent = True
 

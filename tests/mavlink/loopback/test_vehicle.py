@@ -66,7 +66,7 @@ async def test_start_pause_resume_return_land(connected, options):
     assert scripted.armed
     assert vehicle.telemetry.mode.value is FlightMode.MISSION
     scripted.landed = 2
-    await vehicle.until(lambda: vehicle.in_air, 5.0, "the take-off")
+    await vehicle.until(lambda: vehicle.in_air, 30.0, "the take-off")
     with pytest.raises(RefusedError, match="in the air"):
         await vehicle.start_mission()
     await vehicle.pause()
@@ -106,9 +106,9 @@ async def test_a_pilot_who_takes_over_in_the_midst_of_a_start_ends_it(connected,
     scripted, vehicle = await connected()
     scripted.results[400] = 5
     starting = asyncio.ensure_future(vehicle.start_mission())
-    await vehicle.until(lambda: bool([m for m in scripted.of("COMMAND_LONG") if m.command == 400]), 5.0, "arming")
+    await vehicle.until(lambda: bool([m for m in scripted.of("COMMAND_LONG") if m.command == 400]), 30.0, "arming")
     scripted.set_mode(modes["posctl"])
-    await vehicle.until(lambda: vehicle.pilot_in_control, 5.0, "the pilot")
+    await vehicle.until(lambda: vehicle.pilot_in_control, 30.0, "the pilot")
     scripted.ack(400, 0)
     scripted.armed = True
     with pytest.raises(RefusedError):
@@ -121,7 +121,7 @@ async def test_a_newer_command_ends_an_older_sequence(connected, modes):
     scripted, vehicle = await connected()
     scripted.results[400] = 5
     starting = asyncio.ensure_future(vehicle.start_mission())
-    await vehicle.until(lambda: bool([m for m in scripted.of("COMMAND_LONG") if m.command == 400]), 5.0, "arming")
+    await vehicle.until(lambda: bool([m for m in scripted.of("COMMAND_LONG") if m.command == 400]), 30.0, "arming")
     scripted.results.clear()
     await vehicle.return_home()
     scripted.ack(400, 0)
@@ -251,7 +251,7 @@ async def test_an_owner_that_hangs_ends_the_stream_and_the_vehicle_is_told_to_ho
         ended = await next_event(events, OffboardEndedEvent)
     assert ended.end is OffboardEnd.DEADMAN
     assert vehicle.offboard_session is None
-    await vehicle.until(lambda: vehicle.telemetry.mode.value is FlightMode.HOLD, 5.0, "hold")
+    await vehicle.until(lambda: vehicle.telemetry.mode.value is FlightMode.HOLD, 30.0, "hold")
     assert scripted.mode == modes["hold"]
     assert not vehicle.pilot_in_control
     assert not session.active
@@ -268,11 +268,11 @@ async def test_a_commanded_mode_ends_the_stream_when_the_vehicle_shows_it(in_off
 async def test_a_lost_link_ends_the_stream_for_good(in_offboard):
     scripted, vehicle, session = await in_offboard()
     scripted.silent = True
-    await vehicle.until(lambda: not session.active, 5.0, "the end")
+    await vehicle.until(lambda: not session.active, 30.0, "the end")
     assert session.end[0] is OffboardEnd.LINK_LOST
     sent = session.setpoints_sent
     scripted.silent = False
-    await vehicle.until(lambda: vehicle.connected, 5.0, "the link")
+    await vehicle.until(lambda: vehicle.connected, 30.0, "the link")
     await asyncio.sleep(0.2)
     assert session.setpoints_sent == sent
 
@@ -288,7 +288,7 @@ async def test_a_vehicle_that_does_not_enter_leaves_no_lease_and_no_stream(conne
     scripted.mode_results[modes["offboard"]] = 4
     with pytest.raises(RefusedError, match="OFFBOARD"):
         await vehicle.offboard("test", take_off_altitude_amsl_m=14.0)
-    await vehicle.until(lambda: vehicle.offboard_session is None, 5.0, "the end")
+    await vehicle.until(lambda: vehicle.offboard_session is None, 30.0, "the end")
     count = len(scripted.of(SETPOINT))
     await asyncio.sleep(0.2)
     assert len(scripted.of(SETPOINT)) == count

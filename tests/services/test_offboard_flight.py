@@ -1,0 +1,93 @@
+"""Setpoints of an offboard flight: position, velocity and acceleration belong together, also at gates and in pauses."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from gcs.core.trajectory import AngleProfile, PiecewisePolynomial
+from gcs.planning.retiming import TimeWarp
+from gcs.services.offboard_flight import OffboardFlight, column_times
+
+STEP_S = 0.005
+
+
+def smooth_leg(start, end):
+    """Coefficients of a rest-to-rest leg, 35 u^4 - 84 u^5 + 70 u^6 - 20 u^7."""
+    leg = np.zeros((8, 3))
+    leg[0] = start
+    leg[4:] = np.array([35.0, -84.0, 70.0, -20.0])[:, None] * (np.asarray(end) - start)
+    return leg
+
+
+@pytest.fixture
+def plan():
+    """Up 5 m, along to a viewpoint, back over home, down; 10 s each."""
+    places = [np.array(p, float) for p in ((0, 0, 0), (0, 0, 5), (12, 6, 9), (0, 0, 5), (0, 0, 0))]
+    legs = np.array([smooth_leg(a, b) for a, b in itertools.pairwise(places)])
+    return SimpleNamespace(
+        trajectory=PiecewisePolynomial(legs, np.full(4, 10.0)),
+        yaw=AngleProfile(np.array([0.0, 40.0]), np.array([0.0, 3.0])),
+        scenario=SimpleNamespace(home_m=(0.0, 0.0, 0.0)),
+    )
+
+
+@pytest.fixture
+def flight(plan):
+    times = np.linspace(0.0, 40.0, 41)
+    warp = TimeWarp(times, 1.0 - 0.4 * np.exp(-(((times - 15.0) / 4.0) ** 2)))  # slowed about the middle of a leg
+    return OffboardFlight(plan, warp, SimpleNamespace(), SimpleNamespace(), SimpleNamespace())
+
+
+def test_it_takes_over_at_the_top_of_the_column_and_hands_over_above_home_again(plan, flight):
+    leave, enter = column_times(plan)
+    assert 10.0 < leave < 12.0
+    assert 28.0 < enter < 30.0
+    for t in (leave, enter):
+        assert np.hypot(*plan.trajectory.value(t)[:2]) < 0.06
+    assert flight.plan_time_s == pytest.approx(leave, abs=1e-6)
+
+
+def test_velocity_and_acceleration_are_the_derivatives_of_position_all_the_way(flight):
+    flight.resume()
+    times = np.arange(0.0, 20.0, STEP_S)
+    setpoints = []
+    for t in times:
+        if t == pytest.approx(6.0):
+            flight.pause()
+        if t == pytest.approx(10.0):
+            flight.resume()
+        setpoints.append(flight.setpoint(100.0 + t))
+    position = np.array([s.position_m for s in setpoints])
+    velocity = np.array([s.velocity_m_s for s in setpoints])
+    acceleration = np.array([s.acceleration_m_s2 for s in setpoints])
+    assert np.abs(np.gradient(position, STEP_S, axis=0) - velocity)[2:-2].max() < 0.02
+    changes = np.abs(np.gradient(velocity, STEP_S, axis=0) - acceleration)[2:-2].max(axis=1)
+    assert np.sort(changes)[-20] < 0.1, "but for the few samples at which the clock begins or ends to change its rate"
+    held = (times > 9.0) & (times < 9.9)
+    assert np.abs(velocity[held]).max() == 0.0
+    assert np.ptp(position[held], axis=0).max() == 0.0
+    assert np.linalg.norm(velocity, axis=1).max() > 1.0
+
+
+def test_it_waits_at_a_gate_at_rest(flight):
+    flight.resume()
+    flight._clock.gate_s = gate = flight._warp.time_of(20.0)
+    for t in np.arange(0.0, gate + 8.0, 0.02):
+        setpoint = flight.setpoint(t)
+    assert setpoint.position_m == pytest.approx([12.0, 6.0, 9.0], abs=1e-6)
+    assert np.abs(setpoint.velocity_m_s).max() < 1e-6
+    assert np.abs(setpoint.acceleration_m_s2).max() < 1e-6
+    assert flight.plan_time_s == pytest.approx(20.0, abs=1e-6)
+
+
+def test_setpoints_are_given_about_the_estimators_origin(flight):
+    turn = math.radians(1.0)
+    flight._rotation = np.array([[math.cos(turn), -math.sin(turn), 0], [math.sin(turn), math.cos(turn), 0], [0, 0, 1]])
+    flight._shift = np.array([20.0, 20.0, -1.0])
+    here = flight.setpoint(0.0)
+    assert here.position_m == pytest.approx([20.0, 20.0, 4.0], abs=0.1)
