@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -10,7 +11,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import click
 
 from gcs import __version__
-from gcs.core.errors import GcsError, IncompleteError, InputError
+from gcs.core.errors import GcsError, IncompleteError, InputError, RefusedError
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Coroutine
@@ -54,6 +55,8 @@ def plan(scenario: Path, out: Path) -> None:
 
     with TerminalProgress() as progress:
         result = plan_to_directory(scenario, out, progress)
+    for note in result.notes:
+        click.echo(f"note: {note}")
     c = result.plan.certificates
     seen = "" if c.coverage is None else f", {c.coverage:.1%} of the coverable surface"
     click.echo(f"{c.viewpoints} viewpoints{seen}")
@@ -96,8 +99,11 @@ def fly(
     """Fly the plan in OUT: upload with proof, confirm, arm, fly, watch, land, bring the images."""
     from gcs.services.fly_command import fly_plan
 
-    def confirm(name: str) -> str:
-        return vehicle_name or click.prompt(f"Type the vehicle's name to arm and start it ({name})", err=as_json)
+    async def confirm(name: str) -> str:
+        if vehicle_name is not None:
+            return vehicle_name
+        click.echo(f"Type the vehicle's name to arm and start it ({name}): ", nl=False, err=as_json)
+        return await _typed_line()
 
     say: Callable[[str], None] = lambda line: click.echo(line, err=as_json)  # noqa: E731
     outcome: FlightOutcome = _run(
@@ -133,10 +139,13 @@ def upload(out: Path, url: str, as_json: bool) -> None:
 def download(url: str, out: Path | None, as_json: bool) -> None:
     """Read the mission that the vehicle holds."""
     from gcs.services.transfer_commands import download_mission
+    from gcs.storage.atomic_files import write_file
 
+    if out is not None and not out.absolute().parent.is_dir():
+        raise InputError("there is no such folder", field=str(out.parent))
     text, items = _run(download_mission(url))
     if out is not None:
-        out.write_text(text)
+        write_file(out, text.encode())
         click.echo(f"{len(items)} items written to {out}")
     elif as_json:
         click.echo(json.dumps(items))
@@ -255,16 +264,49 @@ def _run(job: Coroutine[Any, Any, T]) -> T:
     return asyncio.run(job)
 
 
-def main() -> None:
-    """Run the command line; a `GcsError` becomes one line and its exit status."""
+async def _typed_line() -> str:
+    """A line from standard input; the event loop goes on meanwhile, so that no vehicle misses our heartbeats.
+
+    Raises:
+        RefusedError: there is nobody who could type.
+    """
+    import asyncio
+
+    loop, readable = asyncio.get_running_loop(), asyncio.Event()
     try:
-        cli.main(standalone_mode=False)
+        loop.add_reader(sys.stdin, readable.set)
+    except (OSError, ValueError):  # a plain file, or none at all: nothing to wait for
+        readable.set()
+    else:
+        try:
+            await readable.wait()
+        finally:
+            loop.remove_reader(sys.stdin)
+    line = sys.stdin.readline()
+    if not line:
+        raise RefusedError("nobody confirmed it: type the vehicle's name, or give --yes VEHICLE", field="confirm")
+    return line.strip()
+
+
+def main() -> None:
+    """Run the command line; whatever a user can mend becomes one line on standard error and its exit status."""
+    try:
+        cli.main(prog_name="gcs", standalone_mode=False)
+        sys.stdout.flush()
     except GcsError as error:
         click.echo(f"gcs: {error}", err=True)
         sys.exit(error.exit_status)
-    except click.UsageError as error:
+    except click.exceptions.NoArgsIsHelpError as error:
         error.show()
         sys.exit(InputError.exit_status)
+    except click.UsageError as error:
+        command = "gcs" if error.ctx is None else error.ctx.command_path
+        what = " ".join(error.format_message().split())
+        click.echo(f"gcs: {what} See `{command} --help`.", err=True)
+        sys.exit(InputError.exit_status)
+    except BrokenPipeError:  # whoever read our output, such as `head`, has had enough
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        sys.exit(1)
     except (click.Abort, KeyboardInterrupt):
         sys.exit(130)
 

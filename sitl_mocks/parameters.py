@@ -34,7 +34,6 @@ class ParameterServer:
         table: name -> (value, MAV_PARAM_TYPE).
         bytewise: integers travel as the bytes of the float field (PX4) instead of being cast to float (ArduPilot).
         answers_unknown: what to do about a name that does not exist; None for silence.
-        send: sends a message on the link that asked.
     """
 
     LIST_PER_STEP = 10

@@ -26,6 +26,7 @@ from sitl_mocks.vehicle import ACTIVE, CRITICAL, LOGIC_S, STANDBY, SimulatedVehi
 _FEASIBILITY_S = 1.0
 """An upload is found flyable this long (wall time) after it was acknowledged."""
 _SINK_M_S = 0.7
+STREAM_LOSS = "offboard loss"
 _STREAM_ALIVE_S = 0.5
 
 
@@ -408,10 +409,9 @@ class Px4Vehicle(SimulatedVehicle):
 
     def _take_setpoint(self, setpoint: Setpoint) -> None:
         self._setpoint, self._setpoint_s = setpoint, self.time_s
-        if self.mode is not Mode.OFFBOARD:
-            return
-        self.counters.followed(self.time_s)
-        if self.armed:
+        if self.mode is Mode.OFFBOARD or self.failsafe == STREAM_LOSS:
+            self.counters.followed(self.time_s)
+        if self.mode is Mode.OFFBOARD and self.armed:
             self._apply_setpoint(setpoint)
 
     def _apply_setpoint(self, setpoint: Setpoint) -> None:
@@ -441,13 +441,13 @@ class Px4Vehicle(SimulatedVehicle):
         lost = self.time_s - self._setpoint_s >= self.parameters["COM_OF_LOSS_T"]
         if lost and self.mode is Mode.OFFBOARD:
             self.say(mavlink.MAV_SEVERITY_CRITICAL, "Failsafe activated")
-            self.failsafe = "offboard loss"
+            self.failsafe = STREAM_LOSS
             action = int(self.parameters["COM_OBL_RC_ACT"])
             mode = {0: Mode.POSCTL, 1: Mode.ALTCTL, 2: Mode.STABILIZED, 3: Mode.RTL, 4: Mode.LAND}.get(action)
             self._enter(Mode.LOITER if mode is None else mode)
             if self.mode in PILOT_MODES and self.armed and not self.flight.landed:
                 self.flight.begin(Sink(self.airframe, self.base_limits(), _SINK_M_S))
-        elif not lost and self.mode is not Mode.OFFBOARD and self.failsafe == "offboard loss":
+        elif not lost and self.mode is not Mode.OFFBOARD and self.failsafe == STREAM_LOSS:
             self.failsafe = None
             self._enter(Mode.OFFBOARD)
         grounded_s = self.flight.grounded_s

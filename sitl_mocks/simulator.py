@@ -21,7 +21,7 @@ from sitl_mocks.ardupilot import ArduPilotVehicle
 from sitl_mocks.channel import LinkFaults
 from sitl_mocks.control_port import ControlPort
 from sitl_mocks.links import TcpClient, UdpLink, listen, watch
-from sitl_mocks.picture import Exposure, jpeg, load_scene, render
+from sitl_mocks.picture import Exposure, Scene, jpeg, load_scene, render
 from sitl_mocks.px4 import Px4Vehicle
 from sitl_mocks.scene_frame import SceneFrame
 from sitl_mocks.truth import truth
@@ -112,7 +112,7 @@ class Simulator:
         home = o.home or SceneFrame(o.anchor, o.anchor).geo(np.array([-20.0, -20.0, 0.0]))
         home_m = SceneFrame(o.anchor, home).origin_m
         scene = load_scene(o.structure, float(home_m[2]))
-        _compile_kernels()
+        _warm_up(scene)
         lines = []
         for i in range(o.count):
             system_id = o.first_system_id + i
@@ -153,9 +153,9 @@ class Simulator:
         next_tick = self._last_s + tick_s
         next_parent_check = self._last_s
         while not self._stopping:
-            for key, _ in self._selector.select(max(0.0, next_tick - self._clock())):
-                key.data()
+            self._read(max(0.0, next_tick - self._clock()))
             now = self._clock()
+            self._read(0.0)  # no time may pass before what had come in by then is known
             self._deliver()
             if now < next_tick:
                 continue
@@ -164,6 +164,10 @@ class Simulator:
             if o.exit_with_parent and now >= next_parent_check:
                 next_parent_check = now + _PARENT_CHECK_S
                 self._stopping = self._stopping or os.getppid() != self._parent
+
+    def _read(self, timeout_s: float) -> None:
+        for key, _ in self._selector.select(timeout_s):
+            key.data()
 
     def _deliver(self) -> None:
         """Let the vehicles hear what has come in, each packet at the time at which it came."""
@@ -256,7 +260,7 @@ class Simulator:
 
     # Camera ----------------------------------------------------------------------------------------------------------
 
-    def _draw(self, scene: Any, exposure: Exposure, system_id: int) -> bytes:
+    def _draw(self, scene: Scene, exposure: Exposure, system_id: int) -> bytes:
         picture = jpeg(render(scene, exposure), exposure)
         if self._options.images_dir is not None:
             folder = self._options.images_dir / f"vehicle-{system_id}"
@@ -320,8 +324,10 @@ class Simulator:
         self._stopping = True
 
 
-def _compile_kernels() -> None:
-    """Compile, or load from the cache, before the clock starts to run."""
+def _warm_up(scene: Scene) -> None:
+    """Compile, or load from caches, what is needed in flight, before the clock starts to run."""
+    exposure = Exposure(0, 0, np.array([0.0, 0.0, 9.0]), GeoPoint(0.0, 0.0, 9.0), 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    jpeg(render(scene, exposure), exposure)
     airframe = Airframe(np.zeros(3), FlightLimits(5.0, 5.0, 5.0, 3.0, 3.0, 8.0))
     airframe.go_to(np.array([0.0, 0.0, 1.0]))
     airframe.step(2)

@@ -52,6 +52,8 @@ class Demo:
         self._say = say
         self._link = link
         self._started = time.monotonic()
+        self.done = False
+        """Whether every stage worked."""
 
     async def run(self, services: StationServices, url: str) -> None:
         """Plan, upload, fly and account for the images.
@@ -80,6 +82,7 @@ class Demo:
             vehicle = await self._own_vehicle(services, options)
             flight = await self._fly(services, plan_id, vehicle)
             self._account(services, flight)
+        self.done = True
 
     async def _plan(self, services: StationServices) -> str:
         self._tell("planning the sample gantry crane")
@@ -97,11 +100,14 @@ class Demo:
 
     async def _own_vehicle(self, services: StationServices, options: SimulatorOptions) -> Vehicle:
         """The vehicle that this demo started, and no other."""
-        vehicle = await services.vehicles.station.wait_for_vehicle(VEHICLE_TIMEOUT_S, SYSTEM_ID)
+        station = services.vehicles.station
+        vehicle = await station.wait_for_vehicle(VEHICLE_TIMEOUT_S, SYSTEM_ID)
+        station.keep_to(vehicle)
         await vehicle.until(lambda: vehicle.uid is not None, VEHICLE_TIMEOUT_S, "its hardware id")
         if options.uid is None or options.uid not in str(vehicle.uid):
             raise RefusedError(
-                "this is not the simulated vehicle of the demo: it is left alone", field=vehicle.identity.name
+                "this is not the simulated vehicle of the demo: it is left alone; keep it off this machine's ports",
+                field=vehicle.identity.name,
             )
         with suppress(GcsError):  # what is missing is said by the checks before the flight
             await vehicle.request_position_references(VEHICLE_TIMEOUT_S)
@@ -171,11 +177,15 @@ def run_demo(
 
     Raises:
         GcsError: a stage did not work.
+        KeyboardInterrupt: interrupted before all of it worked.
     """
     demo = Demo(speedup=speedup, autopilot=autopilot, say=say, link=link)
     settings = StationSettings(data_dir=data_dir or default_data_directory() / "demo", port=port)
-    with suppress(KeyboardInterrupt):
+    try:
         asyncio.run(_run(demo, settings, stay, say))
+    except KeyboardInterrupt:
+        if not demo.done:
+            raise
 
 
 async def _run(demo: Demo, settings: StationSettings, stay: bool, say: Callable[[str], None]) -> None:

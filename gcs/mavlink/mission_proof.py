@@ -66,12 +66,14 @@ class UploadProof:
         items_read: number of items that were read back and found equal.
         how: the way it was proved, in plain words.
         canonical_crc32: fingerprint of the mission in the vehicle's canonical form.
+        items: as they were read back.
     """
 
     items_sent: int
     items_read: int
     how: str
     canonical_crc32: int
+    items: tuple[MissionItem, ...]
 
 
 async def upload_and_prove(
@@ -117,7 +119,7 @@ async def upload_and_prove(
             how = f"read back {len(read)} of {len(items)} items, all equal in the vehicle's own form"
             how += "" if outcome.acknowledged else f"; {outcome.note}"
             how += "" if attempt == 1 else f"; {attempt} attempts"
-            return UploadProof(len(items), len(read), how, comparison.canonical_crc32)
+            return UploadProof(len(items), len(read), how, comparison.canonical_crc32, tuple(read))
     differs = comparison.summary if comparison is not None else ""
     raise RefusedError(f"the vehicle holds something else than was sent, after {_ATTEMPTS} attempts: {differs}")
 

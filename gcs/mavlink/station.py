@@ -72,7 +72,8 @@ class MavlinkStation:
         component_id: of this station.
         clock: monotonic seconds.
         lost_after_s: without heartbeats for so long a vehicle's link counts as lost.
-        only_system: the one system id that is listened to; others are neither heard nor answered. None for all.
+        only_system: the one system id that is listened to; others are neither heard nor answered, and nothing is sent
+            to an address before it was heard from there. None for all.
     """
 
     def __init__(
@@ -85,6 +86,7 @@ class MavlinkStation:
         only_system: int | None = None,
     ) -> None:
         self._only_system = only_system
+        self._only_peer: Peer | None = None
         self._own = (system_id, component_id)
         self._clock = clock
         self._lost_after_s = lost_after_s
@@ -120,6 +122,16 @@ class MavlinkStation:
                 return vehicle
         heard = ", ".join(vehicle.identity.name for vehicle in self._vehicles.values()) or "none"
         raise NotFoundError(f"no such vehicle; heard so far: {heard}", field=name)
+
+    def keep_to(self, vehicle: Vehicle) -> None:
+        """From now on listen and send to nobody but the address that this vehicle was heard from.
+
+        A system id can be anybody's; who is behind the address is the caller's to have found out.
+        """
+        route = self._routes.get((vehicle.identity.system_id, vehicle.identity.component_id))
+        if route is not None:
+            self._only_peer = route.peer
+            self._routes = {who: way for who, way in self._routes.items() if way.peer is route.peer}
 
     async def open(self, url: str) -> str:
         """Open a link; returns its URL in the canonical spelling, with the port that was really bound.
@@ -214,6 +226,8 @@ class MavlinkStation:
             log.exception("%s: a %s could not be taken", vehicle.identity.name, message.get_type())
 
     def _on_route(self, link: Link, peer: Peer, system_id: int, component_id: int) -> bool:
+        if self._only_peer not in (None, peer):
+            return False
         now = self._clock()
         route = self._routes.get((system_id, component_id))
         if route is None or (route.peer is not peer and now - route.heard_s > ROUTE_KEPT_S):
@@ -271,7 +285,10 @@ class MavlinkStation:
             await asyncio.sleep(TICK_S)
 
     def _beat(self, link: Link) -> None:
+        heard = {id(route.peer) for route in self._routes.values()}
         for peer in link.peers:
+            if self._only_peer not in (None, peer) or (self._only_system is not None and id(peer) not in heard):
+                continue
             peer.send(station_heartbeat())
 
 

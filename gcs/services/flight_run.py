@@ -175,11 +175,11 @@ class FlightRun:
 
     def _take_telemetry(self, telemetry: Telemetry) -> None:
         armed, landed, place = telemetry.armed, telemetry.landed, telemetry.position
-        if armed is None or not armed.value or place is None:
+        if armed is None or not armed.value:
             return
         if landed is not None and landed.value in {LandedState.IN_AIR, LandedState.TAKING_OFF}:
             self._was_airborne = True
-        if place.age_s(time.monotonic()) > 1.0:
+        if place is None or place.age_s(time.monotonic()) > 1.0:
             return
         position = scene_position(self.plan, place.value)
         if position is None or not self._was_airborne:

@@ -335,7 +335,6 @@ class FlightControlService:
 
         try:
             proof = await vehicle.upload_mission(mission, Told())
-            items = await vehicle.download_mission()
         except (GcsError, asyncio.CancelledError) as error:
             self._database.flights.end_upload(upload.id, UploadState.FAILED, problem=str(error) or "cancelled")
             if isinstance(error, GcsError):
@@ -351,10 +350,10 @@ class FlightControlService:
             items_read=proof.items_read,
             how=proof.how,
             canonical_crc32=proof.canonical_crc32,
-            items=items,
+            items=proof.items,
         )
         recorder.change(proved=True)
-        recorder.enter(FlightState.UPLOADED, f"proved: {proof.items_read} items {proof.how}")
+        recorder.enter(FlightState.UPLOADED, f"proved: {proof.how}")
 
     def _stream(self, run: FlightRun, offboard: OffboardFlight) -> None:
         run.offboard = offboard

@@ -15,7 +15,7 @@ from gcs.storage.data_directory import default_data_directory
 from gcs.storage.records import FlightPath, FlightState
 
 if TYPE_CHECKING:
-    from collections.abc import AsyncIterator, Callable
+    from collections.abc import AsyncIterator, Awaitable, Callable
     from pathlib import Path
 
     from gcs.mavlink.vehicle import Vehicle
@@ -54,7 +54,7 @@ async def fly_plan(
     url: str,
     *,
     mode: str,
-    confirm: Callable[[str], str],
+    confirm: Callable[[str], Awaitable[str]],
     accept: tuple[str, ...],
     data_dir: Path | None,
     say: Callable[[str], None],
@@ -100,7 +100,7 @@ class _Flying:
         self._say = say
         self._flight_id: str | None = None
 
-    async def fly(self, url: str, confirm: Callable[[str], str]) -> None:
+    async def fly(self, url: str, confirm: Callable[[str], Awaitable[str]]) -> None:
         """From the link to the account of the images."""
         station, flights, say = self._services.vehicles.station, self._services.flights, self._say
         await station.open(url)
@@ -116,7 +116,7 @@ class _Flying:
             await flights.upload(flight.id, confirm=None, accept=self._accept)
             await flights.wait_for_upload(flight.id)
         _show(await flights.preflight(flight.id), say)
-        await flights.start(flight.id, confirm=confirm(name), accept=self._accept)
+        await flights.start(flight.id, confirm=await confirm(name), accept=self._accept)
         try:
             await self._follow(flight.id, vehicle)
         except asyncio.CancelledError:

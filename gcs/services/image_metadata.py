@@ -8,11 +8,16 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Any
 
+from PIL import Image, UnidentifiedImageError
+
 from gcs.core.errors import InputError
 from gcs.core.frames import GeoPoint, yaw_from_heading
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
+
+# Pillow loads its readers with the first picture; that would hold up a stream of setpoints for part of a second.
+Image.preinit()
 
 _GPS_IFD, _EXIF_IFD = 0x8825, 0x8769
 _DATE_TIME, _DATE_TIME_ORIGINAL, _SUBSECONDS_ORIGINAL = 0x0132, 0x9003, 0x9291
@@ -43,8 +48,6 @@ def read_metadata(data: bytes, name: str) -> ImageMetadata:
     Raises:
         InputError: it is not a picture, or a broken one.
     """
-    from PIL import Image, UnidentifiedImageError
-
     try:
         with Image.open(io.BytesIO(data)) as image:
             exif = image.getexif()

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import json
 import logging
 import shutil
 from dataclasses import dataclass, replace
@@ -47,33 +46,13 @@ class WrittenPlan:
         plan: as it was certified.
         plan_hash: SHA-256 of plan.json.
         report: content of report.json.
+        notes: what was ignored or left out of the mesh files.
     """
 
     plan: Plan
     plan_hash: str
     report: dict[str, Any]
-
-
-def read_scenario_file(path: Path) -> Scenario:
-    """Read and check a scenario file, YAML or JSON.
-
-    Raises:
-        InputError: naming the file or the field.
-    """
-    import yaml
-
-    try:
-        text = path.read_text(encoding="utf-8")
-    except FileNotFoundError:
-        raise InputError("there is no such file", field=str(path)) from None
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputError(f"cannot be read: {error}", field=str(path)) from None
-    try:
-        data = json.loads(text) if path.suffix.lower() == ".json" else yaml.safe_load(text)
-    except (yaml.YAMLError, json.JSONDecodeError) as error:
-        where = " ".join(str(error).split())
-        raise InputError(f"not well-formed YAML or JSON: {where}", field=str(path)) from None
-    return parse_scenario(data)
+    notes: tuple[str, ...] = ()
 
 
 def write_planned(scenario: Scenario, base: Path, out: Path, progress: Progress) -> WrittenPlan:
@@ -110,11 +89,13 @@ def write_planned(scenario: Scenario, base: Path, out: Path, progress: Progress)
     extra = {**missions.files, "report.html": report_page(plan, structure, report).encode()}
     plan_hash = write_plan(plan, structure, out, report=report, extra_files=extra)
     progress.report("write", 1.0)
-    return WrittenPlan(plan, plan_hash, report)
+    return WrittenPlan(plan, plan_hash, report, structure.notes)
 
 
 def plan_to_directory(scenario_path: Path, out: Path, progress: Progress | None = None) -> WrittenPlan:
     """`gcs plan`: from a scenario file to a folder with a plan; raises as `write_planned`."""
+    from gcs.storage.scenario_files import read_scenario_file
+
     scenario = read_scenario_file(scenario_path)
     return write_planned(scenario, scenario_path.parent, out, progress or SilentProgress())
 
@@ -244,16 +225,17 @@ class PlanService:
         """Take over a plan that `gcs plan` wrote elsewhere; one with the same hash is not taken twice.
 
         Raises:
-            InputError: the folder holds no plan.
+            InputError: the folder holds no plan, or not a whole one.
             StorageError: the disk did not take it.
         """
-        from gcs.storage.plan_files import FILE_NAMES, is_plan_directory, plan_hash, read_plan
+        from gcs.storage.plan_files import FILE_NAMES, is_plan_directory, plan_hash, read_plan, read_report, read_structure
 
         plan, own_hash = read_plan(directory), plan_hash(directory)
         for known in self._database.plans.all():
             if known.plan_hash == own_hash and known.state is PlanState.READY:
                 return self.get(known.id)
-        report = json.loads((directory / "report.json").read_bytes())
+        report = read_report(directory)
+        read_structure(directory)
         record = PlanRecord(
             id=new_id("plan"),
             name=plan.scenario.name,

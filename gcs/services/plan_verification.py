@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import math
 from dataclasses import asdict
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from gcs.core.errors import InputError
 from gcs.core.progress import SilentProgress
 from gcs.planning.camera_footprint import faces_camera, in_image
 from gcs.planning.certificates import Check, recheck
@@ -17,6 +18,7 @@ from gcs.planning.fence import fence_volume
 from gcs.planning.point_distance import SceneDistance
 from gcs.planning.viewpoints import points_to_inspect
 from gcs.planning.visibility import SightLines
+from gcs.services.mission_files import mission_files
 from gcs.storage.plan_files import plan_tables, read_plan, read_report, read_structure
 
 if TYPE_CHECKING:
@@ -40,13 +42,22 @@ ENERGY_TOLERANCE = 0.01
 def verify_plan(directory: Path) -> list[Check]:
     """Check a written plan again.
 
+    Returns:
+        The checks; a file that cannot be read is one that does not hold, and the only one.
+
     Raises:
-        InputError: there is no plan, or its files are damaged.
+        InputError: there is no plan.
     """
-    plan, structure = read_plan(directory), read_structure(directory)
+    if not (directory / "plan.json").is_file():
+        read_plan(directory)
+    try:
+        plan, structure = read_plan(directory), read_structure(directory)
+        report = read_report(directory)
+    except InputError as error:
+        return [Check(error.field or "files", False, 0.0, 1.0, error.message)]
     distance = SceneDistance(structure, plan.scenario.ground_m)
     return [
-        *_tables(plan, directory),
+        *_files(plan, report, directory),
         *recheck(plan, distance),
         _energy(plan),
         *_named_points(plan, structure),
@@ -54,16 +65,16 @@ def verify_plan(directory: Path) -> list[Check]:
     ]
 
 
-def _tables(plan: Plan, directory: Path) -> list[Check]:
-    """The tables and the report must say what `plan.json` says."""
+def _files(plan: Plan, report: dict[str, Any], directory: Path) -> list[Check]:
+    """The tables, the missions and the report must say what `plan.json` says."""
     checks = []
-    for name, content in plan_tables(plan).items():
+    missions = mission_files(plan)
+    for name, content in {**plan_tables(plan), **missions.files}.items():
         path = directory / name
         same = path.is_file() and path.read_bytes() == content
-        checks.append(
-            Check(name, same, float(same), 1.0, "says what plan.json says" if same else "is not that of plan.json")
-        )
-    told, report = asdict(plan.certificates), read_report(directory)
+        message = "says what plan.json says" if same else "is not that of plan.json"
+        checks.append(Check(name, same, float(same), 1.0, message))
+    told = {**asdict(plan.certificates), "mission_items": missions.items}
     other = sorted(key for key, value in told.items() if report.get(key) != value)
     message = f"differs from plan.json in {', '.join(other)}" if other else "says what plan.json says"
     return [*checks, Check("report.json", not other, float(not other), 1.0, message)]

@@ -9,7 +9,7 @@ from collections import deque
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from gcs.core.errors import LinkError
+from gcs.core.errors import InputError, LinkError
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -19,6 +19,8 @@ if TYPE_CHECKING:
     from gcs.core.frames import GeoPoint
 
 READY_TIMEOUT_S = 60.0
+USAGE_STATUS = 2
+"""What a process ends with that was given arguments it does not know."""
 
 
 @dataclass(frozen=True)
@@ -123,6 +125,7 @@ def run_simulator(options: SimulatorOptions) -> None:
     """Run simulated vehicles in the foreground until interrupted.
 
     Raises:
+        InputError: the simulator does not know one of the extra arguments.
         LinkError: the process ended by itself with an error.
     """
     process = subprocess.Popen(options.command())
@@ -132,5 +135,7 @@ def run_simulator(options: SimulatorOptions) -> None:
         process.terminate()
         process.wait()
         return
+    if status == USAGE_STATUS:
+        raise InputError("the simulator does not take these arguments: see what it says above", field="gcs simulate")
     if status != 0:
         raise LinkError(f"the simulated vehicle ended with status {status}", field="gcs simulate")

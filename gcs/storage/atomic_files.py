@@ -83,8 +83,11 @@ def check_replaceable(path: Path, is_ours: Callable[[Path], bool]) -> None:
     """Tell whether `new_directory` would take this place.
 
     Raises:
-        InputError: something else is there.
+        InputError: something else is there, or nothing can be written there.
     """
+    above = next(folder for folder in path.parents if folder.exists())
+    if not above.is_dir() or not os.access(above, os.W_OK | os.X_OK):
+        raise InputError("nothing can be written there: give another place for the output", field=str(above))
     if path.is_symlink() or (path.exists() and not path.is_dir()):
         raise InputError("this is not a folder: give another name for the output", field=str(path))
     if path.is_dir() and any(path.iterdir()) and not is_ours(path):

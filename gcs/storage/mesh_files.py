@@ -101,7 +101,8 @@ def _load_mesh(source: MeshSource, base: Path) -> tuple[NDArray[np.float64], NDA
         raise InputError("the file has changed since the plan was made (its SHA-256 differs)", field=str(path))
     bad = int((~content.finite_faces).sum())
     if bad:
-        raise InputError(f"{bad} triangles have corners that are not finite (NaN): mend the file", field=str(path))
+        which = "1 triangle has" if bad == 1 else f"{bad} triangles have"
+        raise InputError(f"{which} corners that are not finite (NaN): mend the file", field=str(path))
     vertices = _place(content.vertices, source)
     degenerate = is_degenerate(vertices[content.faces])
     notes = []

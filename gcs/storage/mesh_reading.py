@@ -106,7 +106,9 @@ def _parse(data: bytes, path: Path, file_format: str) -> tuple[NDArray[np.float6
                 units = units or mesh.metadata.get("units")
     except Exception as error:  # the readers raise whatever a damaged file leads them to
         reason = " ".join(str(error).split())[:160] or type(error).__name__
-        raise InputError(f"is not a {file_format} mesh, or is damaged ({reason})", field=str(path)) from error
+        if isinstance(error, ImportError):  # it took a damaged file for one in some other encoding
+            reason = "it is neither binary nor text as this format asks"
+        raise InputError(f"is not a mesh in {file_format} format, or is damaged ({reason})", field=str(path)) from error
     if not parts:
         return np.zeros((0, 3)), np.zeros((0, 3), dtype=np.int64), None
     offsets = np.cumsum([0] + [len(v) for v, _ in parts[:-1]])

@@ -142,8 +142,8 @@ def read_plan(directory: Path) -> Plan:
         return plan_of(PlanDocument.model_validate_json(_read(path)))
     except ValidationError as error:
         first = error.errors()[0]
-        where = ".".join(str(part) for part in first["loc"])
-        raise InputError(f"this is not a plan of this version: {where}: {first['msg']}", field=str(path)) from None
+        what = ": ".join(part for part in (".".join(map(str, first["loc"])), first["msg"]) if part)
+        raise InputError(f"damaged, or not a plan of this version ({what}): plan again", field=str(path)) from None
 
 
 def read_structure(directory: Path) -> Structure:
@@ -200,8 +200,10 @@ def sample_times(duration_s: float) -> NDArray[np.float64]:
 def _read(path: Path) -> bytes:
     try:
         return path.read_bytes()
-    except FileNotFoundError:
-        raise InputError("there is no such plan: give a folder that `gcs plan` wrote", field=str(path)) from None
+    except (FileNotFoundError, NotADirectoryError):
+        if path.name == "plan.json":
+            raise InputError("there is no such plan: give a folder that `gcs plan` wrote", field=str(path)) from None
+        raise InputError("this file of the plan is missing: plan again", field=str(path)) from None
     except OSError as error:
         raise InputError(f"cannot be read: {error.strerror}", field=str(path)) from None
 

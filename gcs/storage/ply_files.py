@@ -50,16 +50,18 @@ def read_ply(path: Path) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
     try:
         data = path.read_bytes()
     except OSError as error:
-        raise InputError(f"cannot be read: {error.strerror}", field=str(path)) from None
+        raise InputError(f"cannot be read ({error.strerror}): plan again", field=str(path)) from None
     end = data.find(b"end_header\n") + len(b"end_header\n")
     found = _PATTERN.fullmatch(data[:end].decode("ascii", "replace"))
     if found is None:
         raise InputError("this is not a structure file that gcs wrote", field=str(path))
     vertices, faces = int(found[1]), int(found[2])
     if len(data) != end + vertices * 24 + faces * _FACE.itemsize:
-        raise InputError("this file is not whole", field=str(path))
+        raise InputError("this file is not whole: plan again", field=str(path))
     points = np.frombuffer(data, dtype="<f8", count=vertices * 3, offset=end).reshape(-1, 3)
     corners = np.frombuffer(data, dtype=_FACE, count=faces, offset=end + vertices * 24)["corners"]
+    if not np.isfinite(points).all():
+        raise InputError("it has corners that are not finite (NaN): plan again", field=str(path))
     if len(corners) and not (corners.min() >= 0 and corners.max() < vertices):
         raise InputError("a triangle names a vertex that is not there", field=str(path))
     return points.astype(np.float64), corners.astype(np.int64)

@@ -11,7 +11,7 @@ from gcs.core.errors import ConflictError, InputError, NotFoundError, OperationC
 from gcs.core.progress import SilentProgress
 from gcs.core.scenario import parse_scenario
 from gcs.services.live_feed import LiveFeed
-from gcs.services.plan_service import PlanService, plan_to_directory, read_scenario_file, write_planned
+from gcs.services.plan_service import PlanService, plan_to_directory, write_planned
 from gcs.storage.database import Database
 from gcs.storage.mesh_files import sample_scenario
 from gcs.storage.plan_files import FILE_NAMES, plan_hash, read_plan, write_plan
@@ -80,35 +80,6 @@ def test_a_cancel_leaves_nothing_behind(scenario_file, planner, tmp_path):
     assert set(tmp_path.iterdir()) == before
 
 
-@pytest.mark.parametrize(
-    ("name", "text", "field"),
-    [
-        ("none.yaml", None, "none.yaml"),
-        ("bad.yaml", "a: [1, 2", "bad.yaml"),
-        ("bad.json", '{"a": ', "bad.json"),
-        ("binary.yaml", b"\xff\xfe\x00", "binary.yaml"),
-        ("list.yaml", "- 1\n- 2\n", "scenario"),
-        ("field.yaml", "structure: {sample: gantry-crane}\ncolour: red\n", "anchor"),
-    ],
-)
-def test_a_scenario_file_that_is_wrong_is_one_line_that_names_it(tmp_path, name, text, field):
-    path = tmp_path / name
-    if text is not None:
-        path.write_bytes(text if isinstance(text, bytes) else text.encode())
-    with pytest.raises(InputError) as caught:
-        read_scenario_file(path)
-    assert field in (caught.value.field or "")
-    assert "\n" not in str(caught.value)
-
-
-def test_yaml_and_json_say_the_same(tmp_path, scenario_data):
-    (tmp_path / "s.json").write_text(json.dumps(scenario_data))
-    import yaml
-
-    (tmp_path / "s.yaml").write_text(yaml.safe_dump(scenario_data))
-    assert read_scenario_file(tmp_path / "s.json") == read_scenario_file(tmp_path / "s.yaml")
-
-
 def test_a_missing_mesh_is_named(tmp_path, scenario_data, planner):
     (tmp_path / "s.json").write_text(json.dumps(scenario_data))
     with pytest.raises(InputError, match=r"box\.stl"):
@@ -131,6 +102,18 @@ def test_a_folder_without_a_plan_is_not_taken_over(service, tmp_path):
     with pytest.raises(InputError, match="no such plan"):
         service.adopt(tmp_path / "nothing")
     assert service.list() == []
+
+
+@pytest.mark.parametrize("name", ["plan.json", "report.json", "structure.ply"])
+@pytest.mark.parametrize("content", [None, b"", b"["])
+def test_a_damaged_folder_is_not_taken_over(service, tmp_path, small_plan, small_structure, name, content):
+    out = tmp_path / "out"
+    write_plan(small_plan, small_structure, out)
+    (out / name).unlink() if content is None else (out / name).write_bytes(content)
+    with pytest.raises(InputError, match=name):
+        service.adopt(out)
+    assert service.list() == []
+    assert list((tmp_path / "plans").iterdir()) == []
 
 
 def test_a_plan_is_removed_with_its_files(service, tmp_path, small_plan, small_structure):

@@ -2,6 +2,7 @@
 
 import json
 import socket
+import time
 
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
@@ -157,3 +158,46 @@ def test_tcp_serves_several_stations(make_ground):
         assert len(sim._members[1].links) == 1  # closed connections are dropped
     finally:
         sim.close()
+
+
+def test_after_a_stall_each_packet_is_heard_at_the_time_it_came():
+    clock = [0.0]
+    sim = Simulator(SimulatorOptions(port=9, speedup=10.0), lambda: clock[0])
+    sim.open()
+    try:
+        member = sim._members[1]
+        heard = []
+        member.vehicle.handle = lambda message, channel: heard.append(member.vehicle.time_s)
+        sim._advance(1.0)
+        start = member.vehicle.time_s
+        packet = bytes(mavlink.MAVLink_ping_message(0, 0, 0, 0).pack(mavlink.MAVLink(None, 255, 190)))
+        sim._arrivals = [(1.15, member.links[0], packet), (1.05, member.links[0], packet)]
+        sim._deliver()
+        sim._advance(1.19)
+        assert heard == pytest.approx([start + 0.5, start + 1.5], abs=0.021)
+        assert member.vehicle.time_s == pytest.approx(start + 1.9, abs=0.021)
+        sim._advance(9.0)  # the vehicles' clocks slip after a very long stall
+        assert member.vehicle.time_s == pytest.approx(start + 1.9 + 2.5, abs=0.021)
+    finally:
+        sim.close()
+
+
+def test_a_packets_arrival_time_is_the_systems_not_the_readers(make_ground):
+    from sitl_mocks.links import UdpLink
+
+    now = [100.0]
+    link = UdpLink(1, ("127.0.0.1", 9), LinkFaults(), 0, lambda m, c: None, lambda: now[0])
+    try:
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
+            sender.sendto(b"x", link.socket.getsockname())
+        link.socket.settimeout(None)
+        socket_ready = [b""]
+        while not socket_ready[0]:
+            socket_ready[0] = link.socket.recv(10, socket.MSG_PEEK)
+        link.socket.setblocking(False)
+        time.sleep(0.15)
+        ((arrived, data),) = link.read()
+        assert data == b"x"
+        assert arrived <= 100.0 - 0.1
+    finally:
+        link.close()

@@ -58,6 +58,15 @@ def free_port(kind=socket.SOCK_DGRAM):
         return sock.getsockname()[1]
 
 
+@pytest.fixture(scope="session", autouse=True)
+def compiled_once(tmp_path_factory):
+    """Dozens of processes are started: only the first compiles the modules, also where bytecode is not to be written."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.delenv("PYTHONDONTWRITEBYTECODE", raising=False)
+        patch.setenv("PYTHONPYCACHEPREFIX", str(tmp_path_factory.mktemp("bytecode")))
+        yield
+
+
 @pytest.fixture(scope="session")
 def crane_plan(tmp_path_factory):
     """The sample crane's 18 points, planned by the product."""
@@ -80,12 +89,12 @@ def small_plan(tmp_path_factory):
 class Vehicle:
     """A simulated vehicle in a process of its own, with the tests' door to it."""
 
-    def __init__(self, kind, plan, *extra, speedup=8.0, port=None, card=None):
-        self.kind = kind
-        self.name = f"{kind}-1"
-        self.port = port or free_port()
+    def __init__(self, kind, plan, *extra, speedup=8.0, card=None, system_id=1):
+        self.name = f"{kind}-{system_id}"
+        self.system_id = system_id
+        self.port = free_port()
         self.card = card
-        arguments = ["--control-port", "0", "--tcp-base", "none", *extra]
+        arguments = ["--control-port", "0", "--tcp-base", "none", "--first-system-id", str(system_id), *extra]
         if card is not None:
             arguments += ["--images-dir", str(card)]
         self._simulator = Simulator(
@@ -136,7 +145,7 @@ class Vehicle:
 
     def files(self):
         """What is on its card: file name -> CRC-32."""
-        folder = self.card / "vehicle-1"
+        folder = self.card / f"vehicle-{self.system_id}"
         return {file.name: zlib.crc32(file.read_bytes()) for file in folder.glob("*.JPG")} if folder.exists() else {}
 
 
@@ -238,15 +247,18 @@ class Records:
     def texts(self, kind):
         return [text for (text,) in self.rows("select text from flight_events where kind = ? order by id", kind)]
 
-    def misses(self):
-        """Viewpoint id -> how near it was missed (m)."""
-        return dict(self.rows("select viewpoint_id, miss_m from visits"))
+    def misses(self, vehicle):
+        """Viewpoint id -> how near the vehicle missed it (m)."""
+        query = "select viewpoint_id, miss_m from visits join flights on flight_id = flights.id where vehicle = ?"
+        return dict(self.rows(query, vehicle.name))
 
-    def images(self):
+    def images(self, vehicle):
         """Card name -> (CRC-32 of our file on disk, viewpoint's name)."""
         found = {}
         for path, flight, file, name in self.rows(
-            "select vehicle_path, flight_id, file_name, viewpoint_name from images where state = 'stored'"
+            "select vehicle_path, flight_id, file_name, viewpoint_name from images"
+            " join flights on flight_id = flights.id where images.state = 'stored' and vehicle = ?",
+            vehicle.name,
         ):
             data = (self._directory / "images" / flight / file).read_bytes()
             found[path.rsplit("/", 1)[1]] = (zlib.crc32(data), name)
@@ -265,10 +277,10 @@ def is_whole():
     def check(vehicle, plan, data):
         held = Records(data)
         viewpoints = read_plan(plan).viewpoints
-        misses = held.misses()
+        misses = held.misses(vehicle)
         assert set(misses) == {v.id for v in viewpoints}
         assert max(misses.values()) <= 0.5
-        images = held.images()
+        images = held.images(vehicle)
         assert {name for _, name in images.values() if name} == {v.name for v in viewpoints}
         assert {name: crc for name, (crc, _) in images.items()} == vehicle.files()
 

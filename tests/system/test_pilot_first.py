@@ -42,15 +42,12 @@ async def resumed_to_the_end(station, flight, vehicle, plan, is_whole):
     is_whole(vehicle, plan, station.data)
 
 
-@pytest.mark.parametrize(
-    ("kind", "mode", "switch"),
-    [("px4", "offboard", "POSCTL"), ("ardupilot", "offboard", "LOITER"), ("px4", "mission", "POSCTL")],
-)
-async def test_the_pilots_switch(kind, mode, switch, station, vehicle, small_plan, tmp_path, is_whole):
+@pytest.mark.parametrize(("kind", "switch"), [("px4", "POSCTL"), ("ardupilot", "LOITER")])
+async def test_the_pilots_switch_in_mid_stream(kind, switch, station, vehicle, small_plan, tmp_path, is_whole):
     patient = ("--param", "COM_OF_LOSS_T=3") if kind == "px4" else ()
     flown = vehicle(kind, *patient, plan=small_plan, speedup=5, card=tmp_path / "card")
     base = await station(small_plan)
-    flight = await flying(base, flown, mode)
+    flight = await flying(base, flown, "offboard")
     flown.ask(f"mode {switch}")
     held = await base.until(flight, lambda f: f["state"] == "held")
     assert "resume" in held["actions"]
@@ -73,14 +70,21 @@ async def test_the_station_stands_still(station, vehicle, small_plan, tmp_path, 
     await resumed_to_the_end(base, flight, flown, small_plan, is_whole)
 
 
-async def test_a_link_that_is_gone_for_a_while(station, vehicle, small_plan, tmp_path, is_whole):
-    flown = vehicle("ardupilot", plan=small_plan, speedup=5, card=tmp_path / "card")
+async def test_missions_with_a_pilots_switch_and_a_link_that_is_gone_for_a_while(
+    station, vehicle, small_plan, tmp_path, is_whole
+):
+    switched = vehicle("px4", plan=small_plan, speedup=5, card=tmp_path / "card")
+    silent = vehicle("ardupilot", plan=small_plan, speedup=4, card=tmp_path / "card", system_id=2)
     base = await station(small_plan)
-    flight = await flying(base, flown, "mission")
-    flown.ask("kill-link")
-    lost = await base.until(flight, lambda f: f["state"] == "unknown")
-    assert lost["viewpoints_reached"] >= 1
-    flown.ask("restore-link")
-    done = await base.until(flight, lambda f: f["state"] in OVER, 100)
-    assert done["state"] == "completed", (done["problems"], base.get(f"/flights/{flight}/events")[-30:])
-    is_whole(flown, small_plan, base.data)
+    first = await flying(base, switched, "mission")
+    switched.ask("mode POSCTL")
+    await base.until(first, lambda f: f["state"] == "held")
+    second = await flying(base, silent, "mission")
+    silent.ask("kill-link")
+    await base.until(second, lambda f: f["state"] == "unknown")
+    silent.ask("restore-link")
+    assert (await quiet(switched))["mode"] == "POSCTL"
+    await resumed_to_the_end(base, first, switched, small_plan, is_whole)
+    done = await base.until(second, lambda f: f["state"] in OVER, 100)
+    assert done["state"] == "completed", (done["problems"], base.get(f"/flights/{second}/events")[-30:])
+    is_whole(silent, small_plan, base.data)

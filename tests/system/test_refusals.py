@@ -44,9 +44,6 @@ async def test_datum_3_m_off(gcs, vehicle, small_plan, tmp_path):
 async def test_limits_below_the_plan_and_a_battery_too_empty(gcs, vehicle, small_plan, tmp_path):
     async def too_slow():
         flown = vehicle("px4", "--param", "MPC_XY_VEL_MAX=2", plan=small_plan)
-        told = await gcs("upload", small_plan, "--connect", flown.url, timeout_s=60)
-        assert told.status == 5, told.text
-        assert "horizontal speed" in told.lines[-1]
         told = await fly(gcs, small_plan, flown, tmp_path / "slow")
         is_refused(told, flown, "horizontal speed", "2.00 m/s")
         assert flown.truth["mission_items"] == 0, "nothing was uploaded"
@@ -78,7 +75,7 @@ async def test_a_failsafe_that_is_off_is_accepted_by_its_name_and_the_return_alt
 
 
 async def test_a_vehicle_that_vanishes_in_mid_upload(gcs, vehicle, small_plan, tmp_path, records):
-    flown = vehicle("px4", "--delay", "0.15", plan=small_plan, speedup=1)
+    flown = vehicle("px4", "--delay", "0.08", plan=small_plan, speedup=1)
     data = tmp_path / "data"
     async with gcs.running(
         "fly", small_plan, "--connect", flown.url, "--yes", flown.name, "--json", "--data", data

@@ -8,18 +8,18 @@ import pytest
 pytestmark = pytest.mark.system
 
 
-async def uploaded(station, vehicle):
-    flight = await station.prepared(vehicle, "mission")
-    await station.post(f"/flights/{flight}/upload", expect=202)
-    await station.until(flight, lambda f: f["state"] == "uploaded")
-    return flight
+FLYING = {"400", "176", "22", "300", "193"}
+"""Commands: arm, mode, take-off, mission start, pause and continue."""
+
+OVER = {"completed", "incomplete", "aborted"}
 
 
-async def restarted(station, vehicle):
+async def restarted(station, *vehicles):
     station.signal(signal.SIGKILL)
     await asyncio.sleep(0.5)
     station.start()
-    await station.vehicle_heard(vehicle.name)
+    for vehicle in vehicles:
+        await station.vehicle_heard(vehicle.name)
 
 
 def records_of(station, flight):
@@ -36,50 +36,62 @@ def nothing_lost(before, after):
     return all(set(before[kind]) <= set(after[kind]) for kind in before)
 
 
-@pytest.mark.parametrize("kind", ["px4", "ardupilot"])
-async def test_killed_in_mid_upload(kind, station, vehicle, small_plan):
-    flown = vehicle(kind, "--delay", "0.1", plan=small_plan, speedup=1)
+async def test_killed_in_mid_upload(station, vehicle, small_plan):
+    slow = ("--delay", "0.04")
+    flown = [
+        vehicle("px4", *slow, plan=small_plan, speedup=1),
+        vehicle("ardupilot", *slow, plan=small_plan, speedup=1, system_id=2),
+    ]
     base = await station(small_plan)
-    flight = await base.prepared(flown, "mission")
-    await base.post(f"/flights/{flight}/upload", expect=202)
-    assert base.flight(flight)["state"] == "uploading"
-    await restarted(base, flown)
-    said = await base.until(flight, lambda f: f["state"] in {"uploaded", "upload_failed"})
-    held = flown.truth["mission_items"]
-    assert (said["state"] == "uploaded") == said["proved"]
-    if said["state"] == "upload_failed":
-        on_vehicle = base.get(f"/flights/{flight}/on-vehicle")
-        assert on_vehicle["equal"] is not True
-        assert "upload" in said["actions"], "it can be tried again"
+    flights = [await base.prepared(one, "mission") for one in flown]
+    for flight in flights:
         await base.post(f"/flights/{flight}/upload", expect=202)
-        said = await base.until(flight, lambda f: f["state"] == "uploaded")
-        assert flown.truth["mission_items"] > held
-    assert said["proved"]
-    assert not flown.truth["armed"]
+        assert base.flight(flight)["state"] == "uploading"
+    await restarted(base, *flown)
+    for one, flight in zip(flown, flights, strict=True):
+        said = await base.until(flight, lambda f: f["state"] in {"uploaded", "upload_failed"})
+        assert (said["state"] == "uploaded") == said["proved"]
+        if said["state"] == "upload_failed":
+            assert base.get(f"/flights/{flight}/on-vehicle")["equal"] is not True
+            assert "upload" in said["actions"], "it can be tried again"
+            await base.post(f"/flights/{flight}/upload", expect=202)
+            said = await base.until(flight, lambda f: f["state"] == "uploaded")
+        assert said["proved"]
+        read = await base.post(f"/flights/{flight}/read-back")
+        assert read["equal"] is True
+        assert len(read["items"]) == one.truth["mission_items"]
+        assert not one.truth["armed"]
 
 
-@pytest.mark.parametrize("kind", ["px4", "ardupilot"])
-async def test_killed_in_a_mission_flight(kind, station, vehicle, small_plan, tmp_path, is_whole):
-    flown = vehicle(kind, plan=small_plan, speedup=5, card=tmp_path / "card")
+async def test_killed_in_mission_flights(station, vehicle, small_plan, tmp_path, is_whole):
+    flown = [
+        vehicle("px4", plan=small_plan, speedup=5, card=tmp_path / "card"),
+        vehicle("ardupilot", plan=small_plan, speedup=5, card=tmp_path / "card", system_id=2),
+    ]
     base = await station(small_plan)
-    flight = await uploaded(base, flown)
-    await base.post(f"/flights/{flight}/start", confirm=flown.name)
-    await base.until(flight, lambda f: f["viewpoints_reached"] >= 1)
-    before = records_of(base, flight)
-    commands = flown.truth["commands"]
-    await restarted(base, flown)
-    await base.until(flight, lambda f: f["state"] == "flying")
-    assert nothing_lost(before, records_of(base, flight))
-    read = await base.post(f"/flights/{flight}/read-back")
-    assert read["equal"] is True
-    done = await base.until(flight, lambda f: f["state"] in {"completed", "incomplete", "aborted"}, 120)
-    assert done["state"] == "completed", (done["problems"], base.get(f"/flights/{flight}/events")[-30:])
-    assert done["problems"] == []
-    assert nothing_lost(before, records_of(base, flight))
-    flying = {"400", "176", "22", "300"}  # arm, mode, take-off, mission start
-    after = flown.truth["commands"]
-    assert {c: after.get(c) for c in flying} == {c: commands.get(c) for c in flying}, "the station only watched"
-    is_whole(flown, small_plan, base.data)
+    flights = [await base.prepared(one, "mission") for one in flown]
+    for flight in flights:
+        await base.post(f"/flights/{flight}/upload", expect=202)
+    for flight in flights:
+        await base.until(flight, lambda f: f["state"] == "uploaded")
+    for one, flight in zip(flown, flights, strict=True):
+        await base.post(f"/flights/{flight}/start", confirm=one.name)
+    for flight in flights:
+        await base.until(flight, lambda f: f["viewpoints_reached"] >= 1)
+    before = [records_of(base, flight) for flight in flights]
+    commands = [one.truth["commands"] for one in flown]
+    await restarted(base, *flown)
+    for k, (one, flight) in enumerate(zip(flown, flights, strict=True)):
+        done = await base.until(flight, lambda f: f["state"] in OVER, 100)
+        assert done["state"] == "completed", (done["problems"], base.get(f"/flights/{flight}/events")[-30:])
+        assert done["problems"] == []
+        assert nothing_lost(before[k], records_of(base, flight))
+        texts = [e["text"] for e in base.get(f"/flights/{flight}/events")]
+        assert "the station was started again during this flight" in texts
+        assert "read back: what the vehicle holds equals the plan's mission" in texts
+        after = one.truth["commands"]
+        assert {c: after.get(c) for c in FLYING} == {c: commands[k].get(c) for c in FLYING}, "it only watched"
+        is_whole(one, small_plan, base.data)
 
 
 async def test_killed_in_an_offboard_flight(station, vehicle, small_plan, tmp_path, is_whole):
@@ -101,7 +113,7 @@ async def test_killed_in_an_offboard_flight(station, vehicle, small_plan, tmp_pa
     assert nothing_lost(before, records_of(base, flight))
     await base.post(f"/flights/{flight}/resume", expect=403, confirm="px4-2")
     await base.post(f"/flights/{flight}/resume", confirm=flown.name)
-    done = await base.until(flight, lambda f: f["state"] in {"completed", "incomplete", "aborted"}, 120)
+    done = await base.until(flight, lambda f: f["state"] in OVER, 120)
     assert done["state"] == "completed", (done["problems"], base.get(f"/flights/{flight}/events")[-30:])
     assert nothing_lost(before, records_of(base, flight))
     is_whole(flown, small_plan, base.data)
