@@ -36,6 +36,54 @@ def scenario_data():
     }
 
 
+@pytest.fixture(scope="session")
+def box_scenario():
+    """A box of 4 m x 4 m x 10 m on the ground, planned in about a second; `box.stl` beside it is the mesh."""
+    return {
+        "name": "box",
+        "structure": {"meshes": [{"file": "box.stl"}]},
+        "anchor": {"latitude_deg": 31.3622, "longitude_deg": 121.6155, "altitude_m": 4.0},
+        "ground_m": 0.0,
+        "camera": {
+            "sensor_width_mm": 13.2,
+            "sensor_height_mm": 8.8,
+            "focal_length_mm": 8.8,
+            "image_width_px": 5472,
+            "image_height_px": 3648,
+        },
+        "inspection": {
+            "surface": {"gsd_mm": 3.0, "overlap": 0.0},
+            "points": [{"name": "W", "position_m": [-2.0, 0.0, 6.0], "normal": [-1.0, 0.0, 0.0]}],
+        },
+        "vehicle": {"battery": {"capacity_wh": 130.0, "reserve": 0.25}},
+        "home_m": [-12.0, -12.0, 0.0],
+    }
+
+
+@pytest.fixture(scope="session")
+def box_folder(tmp_path_factory, box_scenario):
+    """A folder with `box.stl` and the scenario `box.yaml`; to be read only."""
+    import trimesh
+    import yaml
+
+    folder = tmp_path_factory.mktemp("box")
+    box = trimesh.creation.box(extents=(4, 4, 10))
+    box.apply_translation([0, 0, 5])
+    box.export(folder / "box.stl")
+    (folder / "box.yaml").write_text(yaml.safe_dump(box_scenario))
+    return folder
+
+
+@pytest.fixture(scope="session")
+def box_plan(tmp_path_factory, box_folder):
+    """The box, planned by the product; to be read only."""
+    from gcs.services.plan_service import plan_to_directory
+
+    out = tmp_path_factory.mktemp("plans") / "box"
+    plan_to_directory(box_folder / "box.yaml", out)
+    return out
+
+
 @pytest.fixture
 def small_structure():
     """A box from (12, -2, 0) to (16, 2, 20), and a stay."""

@@ -20,7 +20,8 @@ log = logging.getLogger(__name__)
 OFFBOARD_LEAD_IN_S = 1.2
 FEED_S = 0.1
 FRESH_S = 2.0
-BACKLOG_S = 0.5
+BACKLOG_S = 0.3
+IN_AIR_S = 10.0
 
 
 class Vehicle(VehicleFlight):
@@ -93,6 +94,7 @@ class Vehicle(VehicleFlight):
                 await self._stack.hold_before_stream(control)
             elif take_off_altitude_amsl_m is not None:
                 await self._stack.take_off(control, take_off_altitude_amsl_m)
+                await self.until(lambda: self.in_air, IN_AIR_S, "it to say that it is in the air")
             self._begin(self._hovering_session(owner, rate_hz, deadman_s))
             await asyncio.sleep(OFFBOARD_LEAD_IN_S)
             await self._stack.enter_offboard(control)
@@ -176,19 +178,21 @@ class Vehicle(VehicleFlight):
         mode = self.telemetry.mode
         wants_hold = end in (OffboardEnd.FINISHED, OffboardEnd.DEADMAN, OffboardEnd.SOURCE_FAILED)
         if wants_hold and mode is not None and mode.value is FlightMode.OFFBOARD and not self._closed:
-            self._spawn(self._hold_after_stream())
+            self._spawn(self._hold_after_stream(end))
 
-    async def _hold_after_stream(self) -> None:
+    async def _hold_after_stream(self, end: OffboardEnd) -> None:
         """Have it hold, if it is still led by the stream.
 
-        Which it may not be: when this process stood still, what was heard is old, and a pilot may have taken over.
+        Which it may not be after a dead man's stop: when this process stood still, what was heard is old, what is
+        waiting in the sockets is old too, and a pilot may have taken over.
         """
-        await asyncio.sleep(BACKLOG_S)
-        mode = self.telemetry.mode
-        if mode is None or mode.value is not FlightMode.OFFBOARD or mode.age_s(self._now()) > BACKLOG_S:
-            return
         try:
-            await self._fly("hold", self._stack.pause)
+            if end is OffboardEnd.DEADMAN:
+                new_from = self._now() + BACKLOG_S
+                await self.until(lambda: self._heard_since("mode", new_from), FRESH_S, "a heartbeat")
+            mode = self.telemetry.mode
+            if mode is not None and mode.value is FlightMode.OFFBOARD:
+                await self._fly("hold", self._stack.pause)
         except GcsError as error:
             log.warning("%s: the stream of setpoints ended, and it did not go into hold: %s", self.identity.name, error)
 

@@ -17,6 +17,7 @@ from gcs.planning.curve_bounds import Extremum, largest_norm, least, lipschitz_b
 from gcs.planning.deviation import PolylineDistance
 from gcs.planning.fence import fence_volume, room_in_fence
 from gcs.planning.room import HOME_COLUMN_RADIUS_M
+from gcs.planning.viewpoint_pose import camera_axes
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -62,7 +63,8 @@ class CurveFigures:
         disorder: number of viewpoints whose exposure is not after the one before.
         yaw_rate_rad_s: largest yaw rate.
         gimbal_rate_rad_s: largest gimbal pitch rate.
-        angle_miss_rad: largest difference of yaw or pitch from a viewpoint's at its exposure.
+        angle_miss_rad: largest difference of yaw, pitch, view direction or image-up direction from a viewpoint's at its
+            exposure.
     """
 
     length_m: float
@@ -229,6 +231,20 @@ def _largest_rate(profile: AngleProfile) -> float:
 
 
 def _angle_miss(built: BuiltTrajectory, viewpoints: Sequence[Viewpoint], times: NDArray[np.float64]) -> float:
-    yaw = built.yaw.value(times) - np.array([v.yaw_rad for v in viewpoints])
-    pitch = built.gimbal_pitch.value(times) - np.array([v.gimbal_pitch_rad for v in viewpoints])
-    return max(_largest(np.abs((yaw + np.pi) % (2 * np.pi) - np.pi)), _largest(np.abs(pitch)))
+    if not len(viewpoints):
+        return 0.0
+    yaw, pitch = built.yaw.value(times), built.gimbal_pitch.value(times)
+    yaw_miss = yaw - np.array([v.yaw_rad for v in viewpoints])
+    pitch_miss = pitch - np.array([v.gimbal_pitch_rad for v in viewpoints])
+    view, up = camera_axes(yaw, pitch)
+    return max(
+        _largest(np.abs((yaw_miss + np.pi) % (2 * np.pi) - np.pi)),
+        _largest(np.abs(pitch_miss)),
+        _largest(_angle_between(view, np.array([v.direction for v in viewpoints]))),
+        _largest(_angle_between(up, np.array([v.up for v in viewpoints]))),
+    )
+
+
+def _angle_between(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Angles (rad) between unit vectors, shapes (N, 3) -> (N,)."""
+    return np.asarray(2 * np.arcsin(np.minimum(np.linalg.norm(a - b, axis=1) / 2, 1.0)))

@@ -127,5 +127,8 @@ def _reason(free: NDArray[np.bool_], reachable: NDArray[np.bool_], seen: NDArray
             "turn the normal outwards"
         )
     if not seen.any():
-        return f"the structure hides it from every free stand-off place {within}: check its position and normal"
+        return (
+            f"the structure hides it from every free stand-off place {within}, or it lies inside the structure: "
+            "check its position and normal"
+        )
     return f"the gimbal cannot look at it from any free stand-off place {within}: its pitch range is too small"

@@ -37,6 +37,9 @@ if TYPE_CHECKING:
 
 log = logging.getLogger(__name__)
 
+PICTURES_BEFORE_RESUME_S = 20.0
+"""A hovering vehicle waits no longer for its pictures; viewpoints whose picture is not here then are flown to again."""
+
 
 class FlightControlService:
     """Implements `gcs.services.flight_types.FlightService`.
@@ -266,7 +269,7 @@ class FlightControlService:
                 run.offboard.resume()
                 recorder.enter(FlightState.FLYING, "the stream goes on")
             else:
-                account = await run.collector.finish()
+                account = await run.collector.so_far(PICTURES_BEFORE_RESUME_S)
                 rest = await plan_from_here(plan, self._plans.directory(flight.plan_id), vehicle, account.pictured)
                 recorder.log("state", f"new way from here: {rest.certificates.length_m:.0f} m", severity=NOTICE)
                 checks = self._checks(flight, rest)

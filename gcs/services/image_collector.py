@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+from contextlib import suppress
 from typing import TYPE_CHECKING
 
 from gcs.core.clock import new_id, utc_now
@@ -108,6 +109,13 @@ class ImageCollector:
             await self._waiting.join()
             account = await self._accounting.settle_aside()
         return account
+
+    async def so_far(self, timeout_s: float) -> ImageAccount:
+        """The account as it is when everything was fetched, or at the latest after some seconds."""
+        with suppress(TimeoutError):
+            async with asyncio.timeout(timeout_s):
+                return await self.finish()
+        return await self._accounting.settle_aside()
 
     async def _find_unannounced(self) -> None:
         known = {i.vehicle_path: i for i in self._recorder.database.images.of_flight(self._recorder.flight_id)}

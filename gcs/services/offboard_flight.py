@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from gcs.core.errors import GcsError, LinkError
+from gcs.core.errors import GcsError, LinkError, RefusedError
 from gcs.core.frames import geodetic_from_enu, rigid_between, wrap_angle
 from gcs.mavlink.offboard import Setpoint
 from gcs.services.flight_recorder import WARNING
@@ -24,8 +24,14 @@ if TYPE_CHECKING:
     from gcs.services.flight_recorder import FlightRecorder
     from gcs.services.image_collector import ImageCollector
 
-COLUMN_M = 0.05
+COLUMN_M = 0.2
 """Within this of home, seen from above, the vehicle is in the take-off and landing column."""
+
+SLEW = 0.4
+"""Change of the plan clock's rate per second; from full rate it stops within 1 / (2 SLEW) s of plan time."""
+
+FOLLOWS_M = 2.0
+"""A vehicle that is further than this from where it should stand does not follow the stream."""
 
 FEED_S = 0.1
 SETTLE_TIMEOUT_S = 10.0
@@ -62,7 +68,7 @@ class OffboardFlight:
         self._collector = collector
         self._session: OffboardSession | None = None
         leave, enter = column_times(plan)
-        self._clock = PlanClock(warp.time_of(leave), paused=True)
+        self._clock = PlanClock(warp.time_of(leave), slew=SLEW, paused=True)
         self._land_at_s = warp.time_of(enter)
         self._take_off_m = float(plan.trajectory.value(leave)[2])
         self._rotation = np.eye(3)
@@ -115,7 +121,10 @@ class OffboardFlight:
             for viewpoint in self._plan.viewpoints:
                 await self._photograph(viewpoint)
             self._clock.gate_s = math.inf
-            await self._until(lambda: self._clock.time_s >= self._land_at_s, math.inf, "the way home")
+            stop_at_s = self._land_at_s - 0.5 / SLEW
+            await self._until(lambda: self._clock.time_s >= stop_at_s, math.inf, "the way home")
+            self._clock.pause()
+            await self._until(lambda: self._clock.stopped, math.inf, "the vehicle to stop over home")
             await self._vehicle.land()
         finally:
             feeding.cancel()
@@ -151,6 +160,11 @@ class OffboardFlight:
         try:
             await self._until(lambda: self._settled(viewpoint), SETTLE_TIMEOUT_S, f"{viewpoint.name} to settle")
         except LinkError:
+            off_m = self._distance_from(viewpoint)
+            if off_m is None or off_m > FOLLOWS_M:
+                where = "not known where" if off_m is None else f"{off_m:.0f} m from where"
+                text = f"it does not follow the stream: at {viewpoint.name} it is {where} it should be"
+                raise RefusedError(text, field=self._vehicle.identity.name) from None
             self._recorder.log(
                 "viewpoint", f"{viewpoint.name}: not settled, photographed all the same", severity=WARNING
             )
@@ -170,16 +184,21 @@ class OffboardFlight:
     def _settled(self, viewpoint: Viewpoint) -> bool:
         """Whether vehicle and camera stand still and look where they should, as far as telemetry tells."""
         telemetry = self._vehicle.telemetry
-        place, velocity, yaw = telemetry.local_position_m, telemetry.velocity_m_s, telemetry.yaw_rad
-        if place is None or velocity is None or yaw is None:
+        off, velocity, yaw = self._distance_from(viewpoint), telemetry.velocity_m_s, telemetry.yaw_rad
+        if off is None or velocity is None or yaw is None:
             return False
-        off = np.linalg.norm(place.value - (self._rotation @ viewpoint.position_m + self._shift))
         turned = abs(wrap_angle(yaw.value - viewpoint.yaw_rad))
         still = off <= SETTLED_M and np.linalg.norm(velocity.value) <= SETTLED_M_S and turned <= SETTLED_YAW_RAD
         pitch = telemetry.gimbal_pitch_rad
         return bool(still) and (
             pitch is None or abs(wrap_angle(pitch.value - viewpoint.gimbal_pitch_rad)) <= SETTLED_PITCH_RAD
         )
+
+    def _distance_from(self, viewpoint: Viewpoint) -> float | None:
+        place = self._vehicle.telemetry.local_position_m
+        if place is None:
+            return None
+        return float(np.linalg.norm(place.value - (self._rotation @ viewpoint.position_m + self._shift)))
 
     async def _until(self, holds: Callable[[], bool], timeout_s: float, what: str) -> None:
         """Wait, and notice the stream's end meanwhile."""

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from gcs.core.errors import InputError
+from gcs.core.errors import GcsError, InputError
 from gcs.core.progress import SilentProgress
 from gcs.planning.camera_footprint import faces_camera, in_image
 from gcs.planning.certificates import Check, recheck
@@ -67,8 +67,11 @@ def verify_plan(directory: Path) -> list[Check]:
 
 def _files(plan: Plan, report: dict[str, Any], directory: Path) -> list[Check]:
     """The tables, the missions and the report must say what `plan.json` says."""
+    try:
+        missions = mission_files(plan)
+    except GcsError as error:
+        return [Check("mission", False, 0.0, 1.0, f"cannot be made of plan.json: {error}")]
     checks = []
-    missions = mission_files(plan)
     for name, content in {**plan_tables(plan), **missions.files}.items():
         path = directory / name
         same = path.is_file() and path.read_bytes() == content

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+import itertools
+from collections.abc import Sequence
+from typing import Annotated, Literal, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from gcs.core.plan import Certificates, Plan, SurfaceCoverage, Viewpoint
 from gcs.core.scenario import Cable, Camera, Scenario
@@ -135,6 +137,35 @@ class PlanDocument(Document):
     certificates: CertificatesEntry
     stages_s: dict[str, float]
 
+    @model_validator(mode="after")
+    def _parts_fit(self) -> Self:
+        pieces, ids = self.trajectory.durations_s, [v.id for v in self.viewpoints]
+        stops = self.path.stops
+        fits = {
+            "trajectory": 0 < len(pieces) == len(self.trajectory.coefficients_m) and min(pieces) > 0,
+            "corridor": len(self.corridor) == len(pieces),
+            "path": len(stops) == len(ids) + 2
+            and stops[0] == 0
+            and stops[-1] == len(self.path.points_m) - 1
+            and _ascends(stops, strictly=False),
+            "yaw": len(self.yaw.times_s) == len(self.yaw.angles_rad) >= 2 and _ascends(self.yaw.times_s),
+            "gimbal_pitch": len(self.gimbal_pitch.times_s) == len(self.gimbal_pitch.angles_rad) >= 2
+            and _ascends(self.gimbal_pitch.times_s),
+            "camera": self.camera == self.scenario.camera,
+            "tour": self.tour.order == ids,
+            "events": [(e.viewpoint, e.time_s) for e in self.events if e.kind == "photo"]
+            == [(v.id, v.time_s) for v in self.viewpoints],
+            "coverage": self.coverage is None
+            or len(self.coverage.points_m)
+            == len(self.coverage.normals)
+            == len(self.coverage.seen)
+            == len(self.coverage.coverable),
+        }
+        wrong = [name for name, well in fits.items() if not well]
+        if wrong:
+            raise ValueError(f"does not fit the other parts: {', '.join(wrong)}")
+        return self
+
 
 def document_of(plan: Plan) -> PlanDocument:
     """The document of a plan."""
@@ -191,6 +222,10 @@ def document_of(plan: Plan) -> PlanDocument:
         certificates=CertificatesEntry.model_validate(vars(certificates)),
         stages_s=plan.stages_s,
     )
+
+
+def _ascends(values: Sequence[float], *, strictly: bool = True) -> bool:
+    return all(a < b or (a == b and not strictly) for a, b in itertools.pairwise(values))
 
 
 def plan_of(document: PlanDocument) -> Plan:

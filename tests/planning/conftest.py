@@ -52,6 +52,7 @@ def tower_distance(tower):
 def tower_flight(tower_scenario):
     """Home, the four sides of the tower, home: everything that certificates are about."""
     from gcs.planning.trajectory_builder import build_trajectory
+    from gcs.planning.viewpoint_pose import camera_axes
 
     home = np.array(tower_scenario.home_m)
     stops = np.array([[-10.0, 0, 10], [0, -10, 14], [10, 0, 12], [0, 10, 18]])
@@ -63,10 +64,9 @@ def tower_flight(tower_scenario):
     yaw = np.arctan2(-stops[:, 1], -stops[:, 0])
     pitch = np.radians([-10.0, 0, -30, 5])
     built = build_trajectory(legs, yaw, pitch, tower_scenario, SilentProgress())
-    up = np.array([0.0, 0, 1])
+    view, up = camera_axes(yaw, pitch)
     viewpoints = [
-        Viewpoint(i, f"V{i}", stops[i], -stops[i] * [1, 1, 0] / 10, up, 0.002, built.exposures_s[i], yaw[i], pitch[i])
-        for i in range(4)
+        Viewpoint(i, f"V{i}", stops[i], view[i], up[i], 0.002, built.exposures_s[i], yaw[i], pitch[i]) for i in range(4)
     ]
     path = np.concatenate([legs[0], *(leg[1:] for leg in legs[1:])])
     return SimpleNamespace(

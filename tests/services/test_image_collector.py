@@ -149,3 +149,20 @@ async def test_what_cannot_be_a_file_of_the_camera_is_not_asked_for(file, collec
     collector.take(report(0, file=file))
     await asyncio.sleep(0.01)
     assert camera.fetched == []
+
+
+async def test_what_is_here_by_a_deadline_counts(collector, recorder, camera):
+    whole = asyncio.Event()
+    fetch = camera.fetch_file
+
+    async def slow(path):
+        if path.endswith("1.JPG"):
+            await whole.wait()
+        return await fetch(path)
+
+    camera.fetch_file = slow
+    collector.take(report(0))
+    collector.take(report(1))
+    assert (await collector.so_far(0.5)).pictured == {0}
+    whole.set()
+    assert (await collector.so_far(60.0)).complete

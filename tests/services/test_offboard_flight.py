@@ -48,7 +48,8 @@ def test_it_takes_over_at_the_top_of_the_column_and_hands_over_above_home_again(
     assert 10.0 < leave < 12.0
     assert 28.0 < enter < 30.0
     for t in (leave, enter):
-        assert np.hypot(*plan.trajectory.value(t)[:2]) < 0.06
+        assert 0.1 < np.hypot(*plan.trajectory.value(t)[:2]) < 0.21
+        assert plan.trajectory.value(t)[2] > 4.5, "well above the ground"
     assert flight.plan_time_s == pytest.approx(leave, abs=1e-6)
 
 
@@ -90,4 +91,4 @@ def test_setpoints_are_given_about_the_estimators_origin(flight):
     flight._rotation = np.array([[math.cos(turn), -math.sin(turn), 0], [math.sin(turn), math.cos(turn), 0], [0, 0, 1]])
     flight._shift = np.array([20.0, 20.0, -1.0])
     here = flight.setpoint(0.0)
-    assert here.position_m == pytest.approx([20.0, 20.0, 4.0], abs=0.1)
+    assert here.position_m == pytest.approx([20.0, 20.0, 4.0], abs=0.25)

@@ -60,7 +60,7 @@ def free_port(kind=socket.SOCK_DGRAM):
 
 @pytest.fixture(scope="session", autouse=True)
 def compiled_once(tmp_path_factory):
-    """Dozens of processes are started: only the first compiles the modules, also where bytecode is not to be written."""
+    """Of the many processes only the first compiles the modules, also where bytecode is not to be written."""
     with pytest.MonkeyPatch.context() as patch:
         patch.delenv("PYTHONDONTWRITEBYTECODE", raising=False)
         patch.setenv("PYTHONPYCACHEPREFIX", str(tmp_path_factory.mktemp("bytecode")))

@@ -8,16 +8,17 @@ from gcs.services import fly_command
 pytestmark = pytest.mark.system
 
 
-async def fly(plan, url, data, said, name="px4-1"):
-    return await fly_command.fly_plan(
-        plan, url, mode="mission", confirm=lambda asked: name, accept=(), data_dir=data, say=said.append
-    )
+async def fly(plan, url, data, say):
+    async def confirm(name):
+        return name
+
+    return await fly_command.fly_plan(plan, url, mode="mission", confirm=confirm, accept=(), data_dir=data, say=say)
 
 
 async def test_nobody_answers(small_plan, tmp_path, monkeypatch):
     assert fly_command.VEHICLE_TIMEOUT_S == 30.0
     monkeypatch.setattr(fly_command, "VEHICLE_TIMEOUT_S", 0.5)
-    outcome = await fly(small_plan, "udpin:127.0.0.1:0", tmp_path, [])
+    outcome = await fly(small_plan, "udpin:127.0.0.1:0", tmp_path, print)
     assert isinstance(outcome.failure, LinkError)
     assert outcome.failure.exit_status == 4
     summary = outcome.as_json()
@@ -35,8 +36,7 @@ async def test_a_vehicle_that_vanishes_in_flight(vehicle, small_plan, tmp_path, 
         if "reached" in line:
             flown.ask("vanish")
 
-    said_by = type("Said", (), {"append": staticmethod(say)})
-    outcome = await fly(small_plan, flown.url, tmp_path, said_by)
+    outcome = await fly(small_plan, flown.url, tmp_path, say)
     assert isinstance(outcome.failure, LinkError)
     assert "not heard for" in str(outcome.failure)
     assert outcome.as_json()["ok"] is False

@@ -1,0 +1,91 @@
+"""`gcs upload` and `gcs download` against simulated vehicles: proved, refused, or plainly told that nobody is there."""
+
+from __future__ import annotations
+
+import json
+import socket
+
+import pytest
+
+from gcs.core.errors import InputError, LinkError, RefusedError
+from gcs.core.vehicle import Autopilot
+from gcs.services import transfer_commands
+from gcs.services.mission_files import mission_of_plan
+from gcs.services.simulation import Simulator, SimulatorOptions
+from gcs.services.transfer_commands import download_mission, upload_plan
+from gcs.storage.plan_files import read_plan
+
+
+@pytest.fixture
+def vehicle():
+    """Starts a simulated vehicle; the URL of its link."""
+    running = []
+
+    def start(kind, *extra):
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sock:
+            sock.bind(("127.0.0.1", 0))
+            port = sock.getsockname()[1]
+        options = SimulatorOptions(autopilot=kind, speedup=4.0, port=port, extra=("--tcp-base", "none", *extra))
+        running.append(Simulator(options))
+        running[-1].__enter__()
+        return f"udpin:127.0.0.1:{port}"
+
+    yield start
+    for simulator in running:
+        simulator.__exit__(None, None, None)
+
+
+@pytest.mark.system
+@pytest.mark.parametrize(
+    ("kind", "autopilot", "extra"),
+    [("px4", Autopilot.PX4, ()), ("ardupilot", Autopilot.ARDUPILOT, ("--loss", "0.1"))],
+)
+async def test_what_was_uploaded_is_there(vehicle, box_plan, kind, autopilot, extra):
+    url = vehicle(kind, *extra)
+    told = []
+    proof = await upload_plan(box_plan, url, told.append)
+    plan = read_plan(box_plan)
+    expected = mission_of_plan(plan, autopilot).items
+    assert proof["proved"] is True
+    assert proof["vehicle"] == f"{kind}-1"
+    assert proof["items"] == proof["items_read"] == len(expected)
+    json.dumps(proof)
+    text, items = await download_mission(url)
+    assert [item["command"] for item in items][1:] == [item.command for item in expected][1:]
+    assert [(item["x"], item["y"]) for item in items][1:] == [(item.x, item.y) for item in expected][1:]
+    lines = text.splitlines()
+    assert lines[0] == "QGC WPL 110"
+    assert len(lines) >= 1 + len(items)
+    json.dumps(items, allow_nan=False)
+
+
+@pytest.mark.system
+async def test_a_plan_beyond_the_vehicles_limits_is_not_uploaded(vehicle, box_plan):
+    url = vehicle("px4", "--param", "MPC_XY_VEL_MAX=1.0")
+    with pytest.raises(RefusedError, match=r"px4-1: horizontal speed: .* limit is 1\.00 m/s"):
+        await upload_plan(box_plan, url, lambda line: None)
+    _, items = await download_mission(url)
+    assert items == []
+
+
+@pytest.mark.system
+async def test_a_failsafe_that_is_off_is_said(vehicle, box_plan):
+    url = vehicle("px4", "--param", "NAV_DLL_ACT=0")
+    told = []
+    assert (await upload_plan(box_plan, url, told.append))["proved"]
+    assert any("NAV_DLL_ACT" in line for line in told)
+
+
+async def test_nobody_answers(box_plan, monkeypatch):
+    monkeypatch.setattr(transfer_commands, "VEHICLE_TIMEOUT_S", 0.1)
+    with pytest.raises(LinkError, match="no vehicle answers"):
+        await upload_plan(box_plan, "udpin:127.0.0.1:0", print)
+    with pytest.raises(LinkError, match="no vehicle answers"):
+        await download_mission("udpin:127.0.0.1:0")
+
+
+async def test_input_is_looked_at_before_the_link(tmp_path, box_plan):
+    with pytest.raises(InputError, match="no such plan"):
+        await upload_plan(tmp_path, "nonsense", print)
+    with pytest.raises(InputError, match="not a link URL"):
+        await upload_plan(box_plan, "nonsense", print)
