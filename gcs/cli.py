@@ -228,12 +228,14 @@ def serve(host: str, port: int, data_dir: Path | None) -> None:
 @click.option("--stay", is_flag=True, help="Keep serving the dashboard afterwards.")
 @click.option("--speedup", type=click.FloatRange(1, 50), default=12.0, show_default=True)
 @click.option("--autopilot", type=click.Choice(["px4", "ardupilot"]), default="px4", show_default=True)
-@click.option("--port", type=click.IntRange(0, 65535), default=8080, show_default=True, help="Port of the dashboard.")
+@click.option("--port", type=click.IntRange(0, 65535), help="Of the dashboard. [default: 8080 with --stay, else any]")
 @data_option
-def demo(stay: bool, speedup: float, autopilot: str, port: int, data_dir: Path | None) -> None:
+def demo(stay: bool, speedup: float, autopilot: str, port: int | None, data_dir: Path | None) -> None:
     """Run the main job from nothing, on the sample crane and a simulated vehicle of its own."""
     from gcs.api.demo import run_demo
 
+    if port is None:
+        port = 8080 if stay else 0
     run_demo(stay=stay, speedup=speedup, autopilot=autopilot, port=port, data_dir=data_dir, say=click.echo)
 
 

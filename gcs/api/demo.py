@@ -73,7 +73,7 @@ class Demo:
             autopilot=self._autopilot,
             speedup=self._speedup,
             port=int(bound.rsplit(":", 1)[1]),
-            uid=secrets.token_hex(8),
+            uid=secrets.token_hex(7) + "01",  # an id is padded with zeros on its way, which cannot be told from its own
             extra=("--first-system-id", str(SYSTEM_ID), "--tcp-base", "none"),
         )
         with ExitStack() as stack:

@@ -149,8 +149,11 @@ class SetpointStream:
             self.stop(OffboardEnd.SOURCE_FAILED, f"the source of setpoints failed: {error}")
             return False
         with self._lock:
+            took_s = self._clock() - now
             if message is None:
                 self._stop(OffboardEnd.FINISHED)
+            elif took_s > self._deadman_s:
+                self._stop(OffboardEnd.DEADMAN, f"it was interrupted for {took_s:.1f} s")
             if self._end is not None:
                 return False
             self._send(message)

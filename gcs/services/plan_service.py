@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from gcs.core.frames import GeoPoint
     from gcs.core.plan import Plan
     from gcs.core.progress import Progress
+    from gcs.core.structure import Structure
     from gcs.jobs.planning_jobs import PlanningJobs
     from gcs.storage.database import Database
 
@@ -46,7 +47,7 @@ class WrittenPlan:
         plan: as it was certified.
         plan_hash: SHA-256 of plan.json.
         report: content of report.json.
-        notes: what was ignored or left out of the mesh files.
+        notes: what was ignored or left out of the mesh files, and what the vehicle's return needs.
     """
 
     plan: Plan
@@ -89,7 +90,21 @@ def write_planned(scenario: Scenario, base: Path, out: Path, progress: Progress)
     extra = {**missions.files, "report.html": report_page(plan, structure, report).encode()}
     plan_hash = write_plan(plan, structure, out, report=report, extra_files=extra)
     progress.report("write", 1.0)
-    return WrittenPlan(plan, plan_hash, report, structure.notes)
+    return WrittenPlan(plan, plan_hash, report, (*structure.notes, _way_home_note(plan, structure)))
+
+
+def _way_home_note(plan: Plan, structure: Structure) -> str:
+    """What the vehicle's own return needs on this plan (safety rule 7)."""
+    from gcs.planning.point_distance import SceneDistance
+    from gcs.planning.ways_home import check_ways_home
+
+    lowest = check_ways_home(plan, SceneDistance(structure, plan.scenario.ground_m), None).lowest_safe_m
+    if lowest is None:
+        return (
+            "part of the path lies under the structure, where the vehicle's own return would climb into it: "
+            "it will not be flown; leave those places out with `regions`, or inspect them as points from aside"
+        )
+    return f"the vehicle's own return must fly at least {lowest:.0f} m above home; it is set so before a flight"
 
 
 def plan_to_directory(scenario_path: Path, out: Path, progress: Progress | None = None) -> WrittenPlan:
@@ -228,7 +243,14 @@ class PlanService:
             InputError: the folder holds no plan, or not a whole one.
             StorageError: the disk did not take it.
         """
-        from gcs.storage.plan_files import FILE_NAMES, is_plan_directory, plan_hash, read_plan, read_report, read_structure
+        from gcs.storage.plan_files import (
+            FILE_NAMES,
+            is_plan_directory,
+            plan_hash,
+            read_plan,
+            read_report,
+            read_structure,
+        )
 
         plan, own_hash = read_plan(directory), plan_hash(directory)
         for known in self._database.plans.all():

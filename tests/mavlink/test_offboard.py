@@ -63,6 +63,18 @@ def test_a_process_that_stood_still_does_not_go_on_even_when_it_is_fed_first():
     assert bench.stream.end == (OffboardEnd.DEADMAN, "it was interrupted for 3.0 s")
 
 
+def test_a_setpoint_that_was_on_its_way_when_the_process_stood_still_is_not_sent():
+    def source(vehicle_s):
+        bench.now += 3.0
+        bench.stream.feed()
+        return HERE
+
+    bench = Bench(source)
+    assert not bench.stream.step(1.0)
+    assert bench.sent == []
+    assert bench.stream.end == (OffboardEnd.DEADMAN, "it was interrupted for 3.0 s")
+
+
 def test_an_end_while_the_source_is_being_asked_stops_that_setpoint_too():
     bench = Bench(lambda t: bench.stream.stop(OffboardEnd.MODE_CHANGED) and HERE)
     assert not bench.stream.step(1.0)

@@ -220,7 +220,7 @@ def test_a_cavity_has_no_way_in(tower_scenario):
     import trimesh
 
     walls = trimesh.util.concatenate([trimesh.creation.box(extents=(s, s, s)) for s in (16, 14)])
-    hollow = Structure(np.asarray(walls.vertices) + [0, 0, 8], np.asarray(walls.faces, dtype=np.int64))
+    hollow = Structure(np.asarray(walls.vertices) + np.array([0, 0, 8]), np.asarray(walls.faces, dtype=np.int64))
     inside = (NamedPoint(name="I", position_m=(-7.0, 0.0, 8.0), normal=(1, 0, 0)),)
     task = tower_scenario.inspection.model_copy(update={"points": inside})
     with pytest.raises(InfeasibleError, match=r"inspection\.points\.I.*no way leads there"):

@@ -29,7 +29,7 @@ def test_a_bar_that_is_rewritten_and_cleared(monkeypatch):
 
 def test_the_bar_is_cleared_for_the_message_of_a_fault(monkeypatch):
     monkeypatch.setattr(sys, "stderr", Screen())
-    with pytest.raises(ValueError), TerminalProgress() as progress:  # noqa: PT011, PT012
+    with pytest.raises(ValueError), TerminalProgress() as progress:
         progress.report("tour", 0.2)
         raise ValueError
     assert sys.stderr.getvalue().endswith("\r\033[K")
