@@ -23,13 +23,13 @@ $(UV):
 	$(UV) venv --quiet --allow-existing --python $(PYTHON) .venv
 
 .venv/.installed: requirements.lock pyproject.toml hatch_build.py $(WEB_SOURCES) | .venv/bin/python
-	$(UV) pip install --quiet --python $(BIN)/python --require-hashes -r requirements.lock
-	$(UV) pip install --quiet --python $(BIN)/python --no-deps --editable .
+	$(UV) pip install --quiet --compile-bytecode --python $(BIN)/python --require-hashes -r requirements.lock
+	$(UV) pip install --quiet --compile-bytecode --python $(BIN)/python --no-deps --editable .
 	$(BIN)/python -m gcs.services.warm_up
 	@touch $@
 
 .venv/.installed-dev: requirements-dev.lock .venv/.installed
-	$(UV) pip install --quiet --python $(BIN)/python --require-hashes -r requirements-dev.lock
+	$(UV) pip install --quiet --compile-bytecode --python $(BIN)/python --require-hashes -r requirements-dev.lock
 	@touch $@
 
 # The browser tests need Chromium; without it they say so and are skipped (but never in CI).

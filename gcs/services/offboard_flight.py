@@ -34,6 +34,8 @@ FOLLOWS_M = 2.0
 """A vehicle that is further than this from where it should stand does not follow the stream."""
 
 FEED_S = 0.1
+DEADMAN_S = 1.0
+"""The stream outlives a stall of the event loop by no more than this: the shortest patience of an autopilot."""
 SETTLE_TIMEOUT_S = 10.0
 SETTLED_M, SETTLED_M_S = 0.3, 0.3
 SETTLED_YAW_RAD, SETTLED_PITCH_RAD = math.radians(5.0), math.radians(3.0)
@@ -111,7 +113,7 @@ class OffboardFlight:
             [*self._plan.scenario.home_m[:2], self._take_off_m], self._plan.scenario.anchor.point
         )
         self._session = session = await self._vehicle.offboard(
-            f"flight {self._recorder.flight_id}", take_off_altitude_amsl_m=float(altitude[2])
+            f"flight {self._recorder.flight_id}", take_off_altitude_amsl_m=float(altitude[2]), deadman_s=DEADMAN_S
         )
         feeding = asyncio.create_task(self._feed(session))
         try:

@@ -361,8 +361,9 @@ class Station:
             flight = await asyncio.to_thread(self.flight, flight_id)
             if holds(flight):
                 return flight
-            log = [e["text"] for e in self.get(f"/flights/{flight_id}/events")][-15:]
-            assert time.monotonic() < end, f"{flight['state']}: {flight['problems']}; {log}"
+            if time.monotonic() > end:
+                log = [e["text"] for e in self.get(f"/flights/{flight_id}/events")][-15:]
+                pytest.fail(f"{flight['state']}: {flight['problems']}; {log}")
             await asyncio.sleep(0.2)
 
     async def vehicle_heard(self, name, timeout_s=30.0):
