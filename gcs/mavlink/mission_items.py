@@ -17,6 +17,7 @@ delay lets it be taken at rest:
 from __future__ import annotations
 
 import math
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -130,7 +131,7 @@ def _settle_times_s(
     return settle, after
 
 
-class _Writer:
+class _Writer(ABC):
     """Collects items; the two subclasses are the two dialects."""
 
     place_frame: int
@@ -171,11 +172,13 @@ class _Writer:
     def delay(self, seconds: float) -> None:
         self.action(Command.NAV_DELAY, (seconds, -1.0, -1.0, -1.0))
 
+    @abstractmethod
     def take_off(self, top_m: NDArray[np.float64]) -> None:
-        raise NotImplementedError
+        """The climb over home."""
 
+    @abstractmethod
     def speeds(self, ground_m_s: float, climb_m_s: float, descent_m_s: float) -> None:
-        raise NotImplementedError
+        """What limits the flight between waypoints."""
 
     def path(
         self,
@@ -191,12 +194,13 @@ class _Writer:
             radius = min(_PATH_RADIUS_M, max(_RADIUS_OF_SPACING * spacing, 0.1))
             self.place(Command.NAV_WAYPOINT, ways[k], self.waypoint_params(0.0, radius, heading_deg))
 
+    @abstractmethod
     def waypoint_params(self, hold_s: float, radius_m: float, heading_deg: float) -> tuple[float, float, float, float]:
-        raise NotImplementedError
+        """param1 to param4 of a waypoint."""
 
+    @abstractmethod
     def facing_on_the_way(self, points_m: Sequence[NDArray[np.float64]]) -> tuple[float, ...]:
         """Yaw angles (rad) that the vehicle turns to by itself while it flies from point to point."""
-        raise NotImplementedError
 
     def viewpoint(self, viewpoint: Viewpoint, heading_deg: float, settle_s: float, after_s: float) -> None:
         params = self.waypoint_params(_HOLD_S, _VIEWPOINT_RADIUS_M, heading_deg)
@@ -207,14 +211,17 @@ class _Writer:
         self.picture(viewpoint.id + 1)
         self.delay(after_s)
 
+    @abstractmethod
     def point_camera(self, pitch_deg: float, heading_deg: float) -> None:
-        raise NotImplementedError
+        """Turn nose and camera."""
 
+    @abstractmethod
     def picture(self, number: int) -> None:
-        raise NotImplementedError
+        """Take one picture."""
 
+    @abstractmethod
     def land(self, heading_deg: float) -> None:
-        raise NotImplementedError
+        """Come down at home."""
 
 
 class _Px4Writer(_Writer):
