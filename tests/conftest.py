@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from gcs.core.plan import Certificates, Plan, SurfaceCoverage, Viewpoint
-from gcs.core.scenario import Cable, parse_scenario
+from gcs.core.scenario import parse_scenario
 from gcs.core.structure import Structure
+from gcs.core.structure_source import Cable
 from gcs.core.trajectory import AngleProfile, PiecewisePolynomial
 
 REST_TO_REST = np.array([0, 0, 0, 0, 35, -84, 70, -20], dtype=float)

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
     from gcs.core.frames import GeoPoint
     from gcs.core.mission import MissionItem
-    from gcs.core.scenario import Cable
+    from gcs.core.structure_source import Cable
     from gcs.core.vehicle import Heard
     from gcs.services.flight_types import OnVehicleMission, PreflightReport
     from gcs.services.plan_service import PlanView

@@ -10,7 +10,8 @@ import numpy as np
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from gcs.core.scenario import Cable, Scenario
+    from gcs.core.scenario import Scenario
+    from gcs.core.structure_source import Cable
     from gcs.core.trajectory import AngleProfile, PiecewisePolynomial
 
 

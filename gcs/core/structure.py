@@ -10,7 +10,8 @@ import numpy as np
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from gcs.core.scenario import Cable, NamedPoint
+    from gcs.core.inspection import NamedPoint
+    from gcs.core.structure_source import Cable
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,7 +10,7 @@ import numpy as np
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
-    from gcs.core.scenario import Camera
+    from gcs.core.camera import Camera
 
 
 def in_image(

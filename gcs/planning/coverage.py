@@ -24,8 +24,10 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from gcs.core.camera import Camera
+    from gcs.core.inspection import SurfaceTask
     from gcs.core.progress import Progress
-    from gcs.core.scenario import Camera, Scenario, SurfaceTask
+    from gcs.core.scenario import Scenario
     from gcs.core.structure import Structure
     from gcs.planning.fence import FenceVolume
     from gcs.planning.point_distance import SceneDistance

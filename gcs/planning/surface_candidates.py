@@ -15,8 +15,9 @@ from gcs.planning.viewpoint_pose import camera_angles, camera_axes, gimbal_pitch
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from gcs.core.camera import Camera
+    from gcs.core.inspection import SurfaceTask
     from gcs.core.progress import Progress
-    from gcs.core.scenario import Camera, SurfaceTask
     from gcs.planning.free_space import FreeSpace
     from gcs.planning.surface_samples import SurfaceSamples
     from gcs.planning.visibility import SightLines

@@ -12,7 +12,7 @@ from gcs.core.errors import InputError
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from gcs.core.scenario import Region
+    from gcs.core.inspection import Region
     from gcs.core.structure import Structure
 
 LIFT_M = 0.002

@@ -11,8 +11,9 @@ from gcs.planning.viewpoints_surface import find_surface_viewpoints
 from gcs.planning.visibility import SightLines
 
 if TYPE_CHECKING:
+    from gcs.core.inspection import NamedPoint
     from gcs.core.progress import Progress
-    from gcs.core.scenario import NamedPoint, Scenario
+    from gcs.core.scenario import Scenario
     from gcs.core.structure import Structure
     from gcs.planning.free_space import FreeSpace
     from gcs.planning.point_distance import SceneDistance

@@ -8,13 +8,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from gcs.core.errors import InfeasibleError
-from gcs.core.scenario import DEFAULT_POINT_FOOTPRINT_M
+from gcs.core.inspection import DEFAULT_POINT_FOOTPRINT_M
 from gcs.planning.viewpoint_pose import camera_angles, gimbal_pitch_range_rad, pose_towards
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from gcs.core.scenario import Camera, NamedPoint
+    from gcs.core.camera import Camera
+    from gcs.core.inspection import NamedPoint
     from gcs.planning.free_space import FreeSpace
     from gcs.planning.viewpoint_pose import ViewpointPose
     from gcs.planning.visibility import SightLines

@@ -17,8 +17,9 @@ from gcs.planning.viewpoint_pose import pose_towards
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from gcs.core.inspection import SurfaceTask
     from gcs.core.progress import Progress
-    from gcs.core.scenario import Scenario, SurfaceTask
+    from gcs.core.scenario import Scenario
     from gcs.core.structure import Structure
     from gcs.planning.free_space import FreeSpace
     from gcs.planning.viewpoint_pose import ViewpointPose

@@ -12,8 +12,9 @@ from typing import TYPE_CHECKING, Any
 
 from gcs.core.clock import new_id, utc_now
 from gcs.core.errors import ConflictError, GcsError, InputError, NotFoundError, OperationCancelled
+from gcs.core.inspection import Inspection
 from gcs.core.progress import SilentProgress
-from gcs.core.scenario import Inspection, Scenario, parse_scenario
+from gcs.core.scenario import Scenario, parse_scenario
 from gcs.services.live_feed import JobChanged, LiveFeed, PlanChanged, PlanDeleted
 from gcs.storage.atomic_files import new_directory, remove_partials
 from gcs.storage.errors import storage_error

@@ -11,7 +11,7 @@ from typing import IO, TYPE_CHECKING, Any, Literal
 
 from gcs.core.clock import new_id, utc_now
 from gcs.core.errors import InputError, RefusedError
-from gcs.core.scenario import MeshSource, StructureSource
+from gcs.core.structure_source import MeshSource, StructureSource
 from gcs.storage.atomic_files import new_directory, remove_partials
 from gcs.storage.errors import storage_error
 from gcs.storage.records import StructureRecord

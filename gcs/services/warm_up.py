@@ -8,8 +8,9 @@ from __future__ import annotations
 import numpy as np
 
 from gcs.core.progress import SilentProgress
-from gcs.core.scenario import Cable, parse_scenario
+from gcs.core.scenario import parse_scenario
 from gcs.core.structure import Structure
+from gcs.core.structure_source import Cable
 from gcs.planning.planner import make_plan
 from gcs.services.simulation import Simulator, SimulatorOptions
 

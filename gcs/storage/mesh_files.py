@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from gcs.core.scenario import MeshSource, StructureSource
+    from gcs.core.structure_source import MeshSource, StructureSource
 
 AVAILABLE_SAMPLES = ("gantry-crane",)
 

@@ -10,8 +10,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
+from gcs.core.camera import Camera
 from gcs.core.plan import Certificates, Plan, SurfaceCoverage, Viewpoint
-from gcs.core.scenario import Cable, Camera, Scenario
+from gcs.core.scenario import Scenario
+from gcs.core.structure_source import Cable
 from gcs.core.trajectory import AngleProfile, PiecewisePolynomial
 
 Point = tuple[float, float, float]

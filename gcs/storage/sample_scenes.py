@@ -13,8 +13,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from gcs.core.scenario import Cable, NamedPoint
+from gcs.core.inspection import NamedPoint
 from gcs.core.structure import Structure
+from gcs.core.structure_source import Cable
 from gcs.storage.solid_shapes import beam, box, hexahedron, tube
 
 if TYPE_CHECKING:

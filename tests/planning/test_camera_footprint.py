@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from gcs.core.scenario import Camera
+from gcs.core.camera import Camera
 from gcs.planning.camera_footprint import faces_camera, footprint_area, furthest_in_image, in_image
 
 CAMERA = Camera(

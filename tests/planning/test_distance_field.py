@@ -4,8 +4,8 @@ import trimesh
 from scipy.spatial.transform import Rotation
 
 from gcs.core.errors import InputError
-from gcs.core.scenario import Cable
 from gcs.core.structure import Structure
+from gcs.core.structure_source import Cable
 from gcs.planning.distance_field import build_distance_field, choose_pitch
 
 LOW, HIGH = np.array([-10.0, -9.0, -8.0]), np.array([10.0, 9.0, 8.0])

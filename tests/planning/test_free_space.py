@@ -3,8 +3,9 @@ import pytest
 import trimesh
 
 from gcs.core.errors import InputError
-from gcs.core.scenario import Cable, Fence, Safety, VehicleSpec
+from gcs.core.scenario import Fence, Safety, VehicleSpec
 from gcs.core.structure import Structure
+from gcs.core.structure_source import Cable
 from gcs.planning.distance_field import build_distance_field
 from gcs.planning.fence import fence_volume, room_in_fence
 from gcs.planning.free_space import FreeSpace

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from gcs.core.errors import InfeasibleError, OperationCancelled
+from gcs.core.inspection import NamedPoint, SurfaceTask
 from gcs.core.progress import SilentProgress
-from gcs.core.scenario import Battery, Fence, NamedPoint, SurfaceTask
+from gcs.core.scenario import Battery, Fence
 from gcs.core.structure import Structure
 from gcs.planning.planner import MOST_DRIFT_M, make_plan, plan_rest, prepare_scene
 

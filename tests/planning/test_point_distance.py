@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 import trimesh
 
-from gcs.core.scenario import Cable
 from gcs.core.structure import Structure
+from gcs.core.structure_source import Cable
 from gcs.planning.point_distance import SceneDistance, TriangleDistance
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from gcs.core.errors import InputError
-from gcs.core.scenario import Region
+from gcs.core.inspection import Region
 from gcs.core.structure import Structure
 from gcs.planning.surface_samples import LIFT_M, sample_surface, surface_area
 

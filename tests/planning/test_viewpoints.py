@@ -8,8 +8,8 @@ import pytest
 import trimesh
 
 from gcs.core.errors import InfeasibleError, InputError, OperationCancelled
+from gcs.core.inspection import Inspection, NamedPoint, Region, SurfaceTask
 from gcs.core.progress import SilentProgress
-from gcs.core.scenario import Inspection, NamedPoint, Region, SurfaceTask
 from gcs.core.structure import Structure
 from gcs.planning.camera_footprint import faces_camera, in_image
 from gcs.planning.coverage import certify_coverage

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 import trimesh
 
+from gcs.core.camera import Camera, Gimbal
 from gcs.core.errors import InfeasibleError
-from gcs.core.scenario import Camera, Gimbal, NamedPoint
+from gcs.core.inspection import NamedPoint
 from gcs.core.structure import Structure
 from gcs.planning.point_distance import SceneDistance
 from gcs.planning.viewpoints_points import find_point_viewpoint, stand_off_m

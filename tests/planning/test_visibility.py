@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from gcs.core.scenario import Cable
 from gcs.core.structure import Structure
+from gcs.core.structure_source import Cable
 from gcs.planning.visibility import SightLines
 
 

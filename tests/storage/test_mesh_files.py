@@ -8,7 +8,8 @@ import pytest
 import trimesh
 
 from gcs.core.errors import InputError
-from gcs.core.scenario import Cable, MeshSource, StructureSource, parse_scenario
+from gcs.core.scenario import parse_scenario
+from gcs.core.structure_source import Cable, MeshSource, StructureSource
 from gcs.storage.mesh_files import load_structure, sample_scenario
 
 CORNERS = np.array([[0, 0, 0], [2, 0, 0], [0, 3, 0], [0, 0, 4]], dtype=float)
