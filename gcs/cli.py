@@ -60,6 +60,8 @@ def plan(scenario: Path, out: Path) -> None:
     c = result.plan.certificates
     seen = "" if c.coverage is None else f", {c.coverage:.1%} of the coverable surface"
     click.echo(f"{c.viewpoints} viewpoints{seen}")
+    for face in result.plan.faces:
+        click.echo(f"face {face.name}: {face.covered} of {face.cells} cells, {len(face.moved)} of them from aside")
     click.echo(
         f"{c.length_m:.1f} m in {c.duration_s:.0f} s, {c.energy_wh:.0f} Wh, hull clearance {c.min_clearance_m:.2f} m"
     )

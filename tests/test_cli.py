@@ -187,7 +187,7 @@ def test_what_was_left_out_of_a_mesh_is_said(plan_of, tmp_path):
         (at("home_m", [0, 0]), ("home_m",)),
         (at("structure.meshes.0.scale", 0), ("structure.meshes.0.scale",)),
         (at("structure.meshes.0.file", "none.stl"), ("none.stl", "no such file")),
-        (at("structure", {"sample": "bridge-tower"}), ("structure.sample", "gantry-crane")),
+        (at("structure", {"sample": "lighthouse"}), ("structure.sample", "gantry-crane")),
         (at("home_m", [0, 0, 5]), ("home_m", "inside the structure")),
         (at("home_m", [-12, -12, -5]), ("home_m", "below the ground")),
         (at("fence", {"include": [[[-5, -5], [5, -5], [5, 5], [-5, 5]]]}), ("home_m", "outside the fence")),

@@ -66,6 +66,10 @@ class Certificates:
     energy_wh: float
     open_sky: float
     """Share of the flight time from which a straight climb above the scene keeps the clearance (safety rule 7)."""
+    max_blur_px: float | None = None
+    """Largest motion blur of a picture at its focus; None when the camera's exposure is not known."""
+    max_skew_px: float | None = None
+    """Largest rolling-shutter skew of a picture at its focus; None when the camera's readout is not known."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,6 +89,7 @@ class Plan:
         coverage: how the sampled surface is seen, when a surface was asked for.
         certificates: what was proved.
         stages_s: seconds each stage of planning took.
+        faces: how the cells of the faces are seen, in the scenario's order.
     """
 
     scenario: Scenario
@@ -99,6 +104,7 @@ class Plan:
     coverage: SurfaceCoverage | None
     certificates: Certificates
     stages_s: dict[str, float]
+    faces: tuple[FaceCoverage, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,3 +132,35 @@ class SurfaceCoverage:
     def share_coverable(self) -> float:
         """Coverable share of all sampled sides."""
         return float(self.coverable.mean())
+
+
+@dataclass(frozen=True)
+class CellNote:
+    """What is to be said about one cell of a face."""
+
+    cell: str
+    """Its name, and that of its viewpoint."""
+    reason: str
+
+
+@dataclass(frozen=True)
+class FaceCoverage:
+    """How the cells of a face are seen.
+
+    Attributes:
+        name: the face's.
+        cells: how many it has.
+        moved: cells that are seen whole, but not from straight in front at the wanted distance: what is in the way
+            there.
+        not_covered: cells that no place shows whole, and why.
+    """
+
+    name: str
+    cells: int
+    moved: tuple[CellNote, ...]
+    not_covered: tuple[CellNote, ...]
+
+    @property
+    def covered(self) -> int:
+        """How many cells are seen whole."""
+        return self.cells - len(self.not_covered)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -24,6 +25,8 @@ class Structure:
         cables: straight capsules.
         named_points: the scene's own inspection points (sample scenes only).
         notes: what was found and done while loading, in plain words.
+        placement_error_m: how far surface may be from where it is said to be, by what was found while loading (residual
+            of an alignment, coarse numbers in a file); comes on top of the scenario's `model_m`.
     """
 
     vertices_m: NDArray[np.float64]
@@ -31,8 +34,9 @@ class Structure:
     cables: tuple[Cable, ...] = ()
     named_points: tuple[NamedPoint, ...] = ()
     notes: tuple[str, ...] = ()
+    placement_error_m: float = 0.0
 
-    @property
+    @cached_property
     def triangles_m(self) -> NDArray[np.float64]:
         """Corner points of the triangles, shape (F, 3, 3)."""
         return self.vertices_m[self.faces]
@@ -47,10 +51,12 @@ class Structure:
         """Radii of the cables, shape (C,)."""
         return np.array([c.radius_m for c in self.cables], dtype=np.float64)
 
-    @property
+    @cached_property
     def bounds_m(self) -> NDArray[np.float64]:
         """Lowest and highest corner over triangles and cables, shape (2, 3)."""
-        used = self.vertices_m[np.unique(self.faces)]
+        is_used = np.zeros(len(self.vertices_m), dtype=np.bool_)
+        is_used[self.faces] = True
+        used = self.vertices_m[is_used]
         low, high = used.min(axis=0), used.max(axis=0)
         for (a, b), r in zip(self.cable_ends_m, self.cable_radii_m, strict=True):
             low, high = np.minimum(low, np.minimum(a, b) - r), np.maximum(high, np.maximum(a, b) + r)

@@ -45,6 +45,36 @@ def in_image(
     return inside
 
 
+def sharp_in_image(
+    camera: Camera,
+    position_m: ArrayLike,
+    direction: ArrayLike,
+    up: ArrayLike,
+    points_m: NDArray[np.float64],
+    max_depth_m: float,
+    focus_m: float,
+    core: float = 1.0,
+) -> NDArray[np.bool_]:
+    """Which points lie in the picture, near enough, and within its depth of field, shape (N,).
+
+    Args:
+        camera: as for `in_image`, as are the next five and `core`.
+        position_m: of the camera, shape (3,).
+        direction: unit view direction, shape (3,).
+        up: unit upward direction of the image, shape (3,).
+        points_m: shape (N, 3).
+        max_depth_m: largest depth along the axis.
+        focus_m: depth that is focused on.
+        core: share of the image that counts.
+    """
+    nearest, furthest = camera.sharp_between_m(focus_m)
+    inside = in_image(camera, position_m, direction, up, points_m, min(max_depth_m, furthest), core)
+    if nearest > 0:
+        depth = (points_m - np.asarray(position_m)) @ np.asarray(direction, dtype=np.float64)
+        inside &= depth >= nearest
+    return inside
+
+
 def faces_camera(
     position_m: ArrayLike, points_m: NDArray[np.float64], normals: NDArray[np.float64], max_incidence_rad: float
 ) -> NDArray[np.bool_]:

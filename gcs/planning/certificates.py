@@ -15,6 +15,7 @@ from gcs.core.errors import InfeasibleError
 from gcs.core.plan import Certificates
 from gcs.core.progress import SilentProgress
 from gcs.planning.curve_figures import CurveFigures, measure
+from gcs.planning.image_sharpness import ImageSharpness, measure_sharpness
 from gcs.planning.safe_corridor import corridor_reach
 from gcs.planning.trajectory_builder import BuiltTrajectory
 from gcs.planning.viewing_angles import YAW_RATE_RAD_S
@@ -31,6 +32,9 @@ if TYPE_CHECKING:
 
 VIEWPOINT_MISS_M = 0.05
 """How far the curve may pass from a viewpoint."""
+
+REST_SHARE = 1e-3
+"""How much blur and skew may grow by what `rest_speed` allows."""
 
 ANGLE_TOLERANCE_RAD = math.radians(0.5)
 """How far yaw and pitch may be from a viewpoint's at its exposure."""
@@ -106,6 +110,25 @@ def check_figures(figures: CurveFigures, scenario: Scenario) -> list[Check]:
     return checks
 
 
+def check_sharpness(sharpness: ImageSharpness, scenario: Scenario) -> list[Check]:
+    """Hold focus, blur and skew of the pictures against the camera's limits, as far as the camera states them."""
+    camera = scenario.camera
+    drifting = f"with {scenario.vehicle.hover_speed_m_s:g} m/s of drift"
+    checks = []
+    if sharpness.focus is not None:
+        value, name = sharpness.focus
+        checks.append(_at_least("focus", value, 0.0, "m", f"room to the nearest that can be sharp, at {name}"))
+    if sharpness.blur is not None:
+        value, name = sharpness.blur
+        limit = camera.max_blur_px * (1 + REST_SHARE)
+        checks.append(_at_most("max_blur_px", value, limit, "px", f"largest motion blur, at {name}, {drifting}"))
+    if sharpness.skew is not None:
+        value, name = sharpness.skew
+        limit = camera.max_skew_px * (1 + REST_SHARE)
+        checks.append(_at_most("max_skew_px", value, limit, "px", f"largest skew, at {name}, {drifting}"))
+    return checks
+
+
 def _at_most(name: str, value: float, limit: float, unit: str, what: str) -> Check:
     ok = value <= limit * (1 + 1e-9) + 1e-12
     return Check(name, ok, value, limit, f"{what}: {value:.6g} {unit}".rstrip() + f", limit {limit:.6g}")
@@ -149,7 +172,9 @@ def certify(
         CertificateError: in one line, everything that does not hold, with its numbers.
     """
     figures = measure(built, path_m, viewpoints, scenario, distance, progress)
-    failed = [check for check in check_figures(figures, scenario) if not check.ok]
+    sharpness = measure_sharpness(built.trajectory, viewpoints, scenario)
+    checks = [*check_figures(figures, scenario), *check_sharpness(sharpness, scenario)]
+    failed = [check for check in checks if not check.ok]
     if failed:
         raise CertificateError("; ".join(f"{check.name}: {check.message}" for check in failed))
     return Certificates(
@@ -172,6 +197,8 @@ def certify(
         tour_metric=scenario.planner.metric,
         energy_wh=energy_wh,
         open_sky=open_sky,
+        max_blur_px=sharpness.max_blur_px,
+        max_skew_px=sharpness.max_skew_px,
     )
 
 
@@ -186,6 +213,8 @@ _SAME = {
     "max_acceleration_m_s2": 0.001,
     "max_jerk_m_s3": 0.001,
     "worst_viewpoint_miss_m": 0.001,
+    "max_blur_px": 0.01,
+    "max_skew_px": 0.01,
 }
 """How far a recorded figure may be from the one that is computed again."""
 
@@ -209,7 +238,8 @@ def recheck(plan: Plan, distance: SceneDistance, progress: Progress | None = Non
         exposures_s=np.array([v.time_s for v in plan.viewpoints]),
     )
     figures = measure(built, plan.path_m, plan.viewpoints, plan.scenario, distance, progress or SilentProgress())
-    checks = check_figures(figures, plan.scenario)
+    sharpness = measure_sharpness(plan.trajectory, plan.viewpoints, plan.scenario)
+    checks = [*check_figures(figures, plan.scenario), *check_sharpness(sharpness, plan.scenario)]
     home = np.asarray(plan.scenario.home_m)
     ends = plan.trajectory.value([0.0, plan.trajectory.duration_s])
     checks.append(
@@ -218,8 +248,12 @@ def recheck(plan: Plan, distance: SceneDistance, progress: Progress | None = Non
     stops = np.array([home, *(v.position_m for v in plan.viewpoints), home])
     off = np.linalg.norm(plan.path_m[plan.path_stops] - stops, axis=1)
     checks.append(_at_most("path_stops", float(off.max()), 1e-3, "m", "a stop of the path from its viewpoint"))
+    again = {**vars(figures), "max_blur_px": sharpness.max_blur_px, "max_skew_px": sharpness.max_skew_px}
     for name, tolerance in _SAME.items():
-        recorded, computed = getattr(plan.certificates, name), getattr(figures, name)
+        recorded, computed = getattr(plan.certificates, name), again[name]
+        if recorded is None and computed is None:
+            continue
+        recorded, computed = (math.inf if figure is None else figure for figure in (recorded, computed))
         checks.append(
             _at_most(
                 f"recorded {name}",

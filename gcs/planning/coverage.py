@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Protocol
 import numpy as np
 
 from gcs.core.plan import SurfaceCoverage
-from gcs.planning.camera_footprint import faces_camera, in_image
+from gcs.planning.camera_footprint import faces_camera, sharp_in_image
 from gcs.planning.outer_space import OuterSpace
 from gcs.planning.surface_samples import sample_surface
 from gcs.planning.viewpoint_pose import gimbal_pitch_range_rad
@@ -60,6 +60,11 @@ class View(Protocol):
     @property
     def up(self) -> NDArray[np.float64]:
         """Unit upward direction of the image, shape (3,)."""
+        ...
+
+    @property
+    def gsd_m(self) -> float:
+        """Ground sampling distance (m a pixel) where it is focused."""
         ...
 
 
@@ -136,7 +141,9 @@ def seen_targets(
     lifted = targets.lifted_m
     for done, view in enumerate(viewpoints):
         left = np.flatnonzero(~seen)
-        left = left[in_image(camera, view.position_m, view.direction, view.up, targets.points_m[left], reach)]
+        focus = camera.distance_for_gsd(view.gsd_m)
+        pose = view.position_m, view.direction, view.up
+        left = left[sharp_in_image(camera, *pose, targets.points_m[left], reach, focus)]
         left = left[faces_camera(view.position_m, targets.points_m[left], targets.normals[left], incidence)]
         seen[left[sight.clear(view.position_m, lifted[left])]] = True
         if done % 8 == 0:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 import time
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike, NDArray
 
-    from gcs.core.plan import SurfaceCoverage
+    from gcs.core.plan import FaceCoverage, SurfaceCoverage
     from gcs.core.progress import Progress
     from gcs.core.scenario import Scenario
     from gcs.core.structure import Structure
@@ -91,8 +91,8 @@ def make_plan(scenario: Scenario, structure: Structure, progress: Progress) -> P
     with watch.stage("scene"):
         scene = prepare_scene(scenario, structure, progress)
     with watch.stage("viewpoints"):
-        poses = find_viewpoints(scenario, structure, scene.space, scene.distance, progress)
-    return plan_tour(scenario, structure, scene, poses, progress, watch=watch)
+        found = find_viewpoints(scenario, structure, scene.space, scene.distance, progress)
+    return plan_tour(scenario, structure, scene, found.poses, progress, watch=watch, faces=found.faces)
 
 
 def prepare_scene(scenario: Scenario, structure: Structure, progress: Progress) -> Scene:
@@ -138,8 +138,18 @@ def plan_tour(
     progress: Progress,
     *,
     watch: _Stopwatch | None = None,
+    faces: tuple[FaceCoverage, ...] = (),
 ) -> Plan:
     """Order the viewpoints, fly them from home and back, and certify the whole.
+
+    Args:
+        scenario: what is asked.
+        structure: the placed structure.
+        scene: as `prepare_scene` makes it.
+        poses: the viewpoints.
+        progress: told of every stage; may cancel.
+        watch: takes the stages' times.
+        faces: what became of the cells of faces; carried into the plan.
 
     Raises:
         InfeasibleError: a viewpoint cannot be reached, a certificate does not hold, or the battery is too small.
@@ -161,7 +171,8 @@ def plan_tour(
     viewpoints = tuple(_visited(k, k, poses[int(n)], built) for k, n in enumerate(tour.order))
     with watch.stage("coverage"):
         coverage = certify_coverage(scenario, structure, viewpoints, scene.space.model.fence, scene.distance, progress)
-    return _certified(scenario, structure, scene, tour, built, viewpoints, coverage, progress, watch)
+    plan = _certified(scenario, structure, scene, tour, built, viewpoints, coverage, progress, watch)
+    return replace(plan, faces=faces)
 
 
 def plan_rest(

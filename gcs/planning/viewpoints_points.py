@@ -9,14 +9,18 @@ import numpy as np
 
 from gcs.core.errors import InfeasibleError
 from gcs.core.inspection import DEFAULT_POINT_FOOTPRINT_M
+from gcs.planning.picture_limits import distance_for
 from gcs.planning.viewpoint_pose import camera_angles, gimbal_pitch_range_rad, pose_towards
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from numpy.typing import NDArray
 
     from gcs.core.camera import Camera
     from gcs.core.inspection import NamedPoint
     from gcs.planning.free_space import FreeSpace
+    from gcs.planning.picture_limits import NearestPlace
     from gcs.planning.viewpoint_pose import ViewpointPose
     from gcs.planning.visibility import SightLines
 
@@ -29,41 +33,35 @@ TARGET_GAP_M = 0.02
 """A named point may lie this deep under a bolt, a coat of paint or the mesh's own inaccuracy."""
 
 
-def stand_off_m(point: NamedPoint, camera: Camera, clearance_m: float) -> float:
+def stand_off_m(point: NamedPoint, camera: Camera, nearest: NearestPlace, furthest_m: float) -> float:
     """The distance (m) from which a point is photographed if nothing is in the way.
 
     With a GSD the furthest place that gives it; else the working distance of a 3 m wide picture (crane paper, eq. 2
-    mended), or the clearance where that is more.
+    mended), or the nearest possible one where that is more.
 
     Raises:
-        InfeasibleError: the GSD asks for less than the clearance.
+        InfeasibleError: the GSD asks for less than the nearest, or that is too far away.
     """
-    if point.gsd_mm is None:
-        return max(camera.distance_for_footprint(DEFAULT_POINT_FOOTPRINT_M), clearance_m)
-    distance = camera.distance_for_gsd(point.gsd_mm / 1000)
-    if distance < clearance_m:
-        best = 1000 * camera.gsd_at(clearance_m)
-        raise InfeasibleError(
-            f"a GSD of {point.gsd_mm:g} mm asks for {distance:.2f} m, but the vehicle keeps {clearance_m:.2f} m (hull, "
-            f"error budget and corridor): the best it can have is {best:.2f} mm",
-            field=f"inspection.points.{point.name}",
-        )
-    return distance
+    furthest = distance_for(camera, point.gsd_mm, nearest, furthest_m, _field(point))
+    if point.gsd_mm is not None:
+        return furthest
+    return min(max(camera.distance_for_footprint(DEFAULT_POINT_FOOTPRINT_M), nearest.distance_m), furthest)
 
 
 def find_point_viewpoint(
-    point: NamedPoint, camera: Camera, space: FreeSpace, sight: SightLines, furthest_m: float
+    point: NamedPoint, camera: Camera, nearest: NearestPlace, space: FreeSpace, sight: SightLines, furthest_m: float
 ) -> ViewpointPose:
     """The viewpoint of one named point.
 
     The straight stand-off is taken if it is free, connected with home, in sight of the point and within the gimbal's
     range. Else the least tilted direction within 60 degrees of the normal that is; among equally tilted ones those
     under the open sky first, then the nearest to the wanted distance. With a GSD places go from its distance inwards
-    to the clearance, without one from the stand-off outwards to twice as far.
+    to the nearest, without one from the stand-off outwards to twice as far.
 
     Args:
         point: the point with its unit normal.
         camera: the camera and its gimbal.
+        nearest: smallest distance from the point.
         space: where the vehicle may be.
         sight: what hides the point.
         furthest_m: no place is further away.
@@ -71,14 +69,13 @@ def find_point_viewpoint(
     Raises:
         InfeasibleError: there is none; names the point and says what is in the way.
     """
-    clearance = space.clearance_m
-    wanted = min(stand_off_m(point, camera, clearance), furthest_m)
+    wanted = stand_off_m(point, camera, nearest, furthest_m)
     if point.gsd_mm is None:
-        lengths = np.array([wanted * f for f in FARTHER])
+        lengths = wanted * np.array(FARTHER)
     else:
-        lengths = np.linspace(wanted, clearance, len(FARTHER)) if wanted > clearance else np.array([wanted])
+        lengths = np.linspace(wanted, nearest.distance_m, len(FARTHER))
     target = np.asarray(point.position_m)
-    directions, tilts = _directions(np.asarray(point.normal))
+    directions, tilts = tilted_directions(np.asarray(point.normal), TILTS_DEG)
     places = (target + lengths[None, :, None] * directions[:, None, :]).reshape(-1, 3)
     tilt = np.repeat(tilts, len(lengths))
     order = np.tile(np.arange(len(lengths)), len(directions))
@@ -92,27 +89,33 @@ def find_point_viewpoint(
     _, pitch = camera_angles(target - places)
     good = np.flatnonzero(seen & (pitch >= lowest) & (pitch <= highest))
     if not len(good):
-        raise InfeasibleError(_reason(free, reachable, seen, clearance), field=f"inspection.points.{point.name}")
+        raise InfeasibleError(_reason(free, reachable, seen, space.clearance_m), field=_field(point))
     covered = ~space.is_open_sky(places[good])
     best = good[np.lexsort((order[good], covered, tilt[good]))[0]]
     length = float(np.linalg.norm(target - places[best]))
     return pose_towards(point.name, places[best], target - places[best], camera.gsd_at(length))
 
 
-def _directions(normal: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    """Unit vectors about a normal and their tilts (deg), the normal first."""
+def tilted_directions(
+    normal: NDArray[np.float64], tilts_deg: Sequence[float]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Unit vectors about a unit normal, AZIMUTHS for every tilt but 0, and their tilts (deg), in the tilts' order."""
     reference = np.array([0.0, 0.0, 1.0]) if abs(normal[2]) < 0.9 else np.array([1.0, 0.0, 0.0])
     side = np.cross(normal, reference)
     side /= np.linalg.norm(side)
     across = np.cross(normal, side)
-    result, tilts = [normal], [0]
-    for tilt in TILTS_DEG[1:]:
+    result, tilts = [], []
+    for tilt in tilts_deg:
         c, s = math.cos(math.radians(tilt)), math.sin(math.radians(tilt))
-        for k in range(AZIMUTHS):
+        for k in range(AZIMUTHS if tilt else 1):
             angle = 2 * math.pi * k / AZIMUTHS
             result.append(c * normal + s * (math.cos(angle) * side + math.sin(angle) * across))
             tilts.append(tilt)
-    return np.array(result), np.array(tilts)
+    return np.array(result), np.array(tilts, dtype=np.float64)
+
+
+def _field(point: NamedPoint) -> str:
+    return f"inspection.points.{point.name}"
 
 
 def _reason(free: NDArray[np.bool_], reachable: NDArray[np.bool_], seen: NDArray[np.bool_], clearance_m: float) -> str:

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from gcs.core.errors import InfeasibleError
 from gcs.planning.camera_footprint import footprint_area
+from gcs.planning.cover_problem import CoverProblem, joined_members
 from gcs.planning.coverage import seen_targets
 from gcs.planning.set_cover import greedy_cover
 from gcs.planning.surface_candidates import STAGE, CandidateSearch
@@ -50,7 +52,7 @@ def find_surface_viewpoints(
     furthest_m: float,
     earlier: Sequence[ViewpointPose],
     progress: Progress,
-) -> list[ViewpointPose]:
+) -> tuple[list[ViewpointPose], CoverProblem]:
     """Choose views that together see the surface.
 
     Args:
@@ -62,6 +64,9 @@ def find_surface_viewpoints(
         furthest_m: largest distance of a viewpoint from what it looks at.
         earlier: views that are taken anyway; what they see need not be seen again.
         progress: told about the stage `viewpoints`.
+
+    Returns:
+        The views in the order they were chosen, and the cover that they answer.
 
     Raises:
         InfeasibleError: the GSD asks for less than the clearance, or nothing can be seen.
@@ -94,15 +99,22 @@ def find_surface_viewpoints(
     open_sky = np.array([c.open_sky for c in candidates])
     preference = np.where(open_sky, 1.0, UNDER_COVER)
     preference *= NEAREST + (1 - NEAREST) * np.minimum(depth / needed, 1.0)
+    sets = [c.members for c in candidates]
     chosen = greedy_cover(
-        [c.members for c in candidates],
+        sets,
         len(targets),
         preference=preference,
         covered=covered,
         share=COVERED_SHARE,
         poll=lambda: progress.report(STAGE, 0.95),
     )
-    return [
+    starts, members = joined_members(sets)
+    possible = covered.copy()
+    possible[members] = True
+    wanted = math.ceil(COVERED_SHARE * int(possible.sum()) - 1e-9)
+    problem = CoverProblem(starts, members, len(targets), covered, wanted, np.array(chosen, dtype=np.int64))
+    poses = [
         pose_towards(f"S{n + 1:04d}", candidates[k].position_m, candidates[k].direction, camera.gsd_at(depth[k]))
         for n, k in enumerate(chosen)
     ]
+    return poses, problem

@@ -7,7 +7,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from gcs.storage.mesh_reading import is_degenerate, read_mesh
+from gcs.core.structure import Structure
+from gcs.planning.mesh_simplification import PLANNING_ERROR_M, planning_mesh
+from gcs.services.mesh_inside import DIRECTIONS, SAMPLED_POINTS, inner_share
+from gcs.services.mesh_topology import MeshTopology, mesh_topology
+from gcs.storage.mesh_cleaning import CleanMesh, clean_mesh
+from gcs.storage.mesh_loading import COARSE_STEP_M
+from gcs.storage.mesh_reading import read_mesh
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -16,6 +22,9 @@ if TYPE_CHECKING:
 
 SAME_VERTEX = 1e-8
 """Vertices nearer than this share of the mesh's size are one and the same."""
+
+FAR_OFF = 10.0
+"""A mesh whose middle is this many times its size from its origin is in map coordinates."""
 
 
 @dataclass(frozen=True)
@@ -31,11 +40,13 @@ class MeshReport:
         duplicates: triangles that repeat another one.
         low: lowest corner, (3,).
         high: highest corner, (3,).
-        area: of all triangles, one side.
-        parts: bodies that share no vertex with each other.
-        border_edges: edges of a single triangle.
-        holes: connected groups of such edges.
-        crowded_edges: edges of more than two triangles.
+        area: of all different triangles, one side.
+        topology: how they hang together.
+        inside_out: whether it is closed and faces inwards.
+        inner: share of the surface that cannot be seen from outside.
+        step: distance between neighbouring numbers of the file at its largest coordinates; 0 in double precision.
+        planned_triangles: what is left of it on the planner's grid, if its unit is the guessed one.
+        planned_error_m: how far those are from the full ones at most.
         units: the unit written in the file, if one is.
     """
 
@@ -48,49 +59,113 @@ class MeshReport:
     low: tuple[float, float, float]
     high: tuple[float, float, float]
     area: float
-    parts: int
-    border_edges: int
-    holes: int
-    crowded_edges: int
+    topology: MeshTopology
+    inside_out: bool
+    inner: float
+    step: float
+    planned_triangles: int
+    planned_error_m: float
     units: str | None
 
     @property
     def watertight(self) -> bool:
         """Whether every edge belongs to exactly two triangles."""
-        return self.border_edges == 0 and self.crowded_edges == 0
+        return self.topology.border_edges == 0 and self.topology.crowded_edges == 0
+
+    @property
+    def extent(self) -> float:
+        """Largest size along an axis."""
+        return max(h - low for low, h in zip(self.low, self.high, strict=True))
 
     def lines(self) -> list[str]:
         """The report in plain words."""
         size = [h - low for low, h in zip(self.low, self.high, strict=True)]
-        result = [
-            f"{self.file}: {self.file_format}, {_count(self.triangles, 'triangle')}, {_count(self.parts, 'part')}",
+        parts = _count(self.topology.parts, "part")
+        return [
+            f"{self.file}: {self.file_format}, {_count(self.triangles, 'triangle')}, {parts}",
             f"size: {size[0]:.4g} x {size[1]:.4g} x {size[2]:.4g} file units (x, y, z)",
-            "from " + " to ".join(f"({c[0]:.4g}, {c[1]:.4g}, {c[2]:.4g})" for c in (self.low, self.high)),
+            "from " + " to ".join(f"({c[0]:.7g}, {c[1]:.7g}, {c[2]:.7g})" for c in (self.low, self.high)),
             f"surface: {self.area:.4g} square units, one side",
-            f"units: {units_guess(max(size))}",
+            f"units: {units_guess(self.extent)}",
+            *self._axes(),
+            *self._place(),
+            *self._closure(),
+            *self._repairs(),
+            *self._planning(),
         ]
+
+    def _axes(self) -> list[str]:
+        lines = []
         if self.units:
-            result.append(f"the file says that its unit is {self.units}: this is not used, only `scale` is")
-        if self.watertight:
-            result.append("closed: every edge joins two triangles")
-        elif self.border_edges:
-            holes = _count(self.holes, "hole or open border", "holes or open borders")
-            result.append(
-                f"not closed: {_count(self.border_edges, 'open edge')} in {holes}; planning does not need it closed"
+            lines.append(f"the file says that its unit is {self.units}: this is not used, only `scale` is")
+        if self.file_format in {"GLB", "GLTF"}:
+            lines.append(
+                "this format is in metres with y upwards by its rules: `up: y`, unless its maker did otherwise"
             )
-        if self.crowded_edges:
-            result.append(
-                f"{_count(self.crowded_edges, 'edge')} of more than two triangles: inner walls or parts that touch"
+        return lines
+
+    def _place(self) -> list[str]:
+        middle = [(h + low) / 2 for low, h in zip(self.low, self.high, strict=True)]
+        lines = []
+        if max(abs(m) for m in middle) > FAR_OFF * self.extent:
+            scale = scale_guess(self.extent)
+            position = ", ".join(f"{round(-m * scale) + 0:d}" for m in (middle[0], middle[1], self.low[2]))
+            lines.append(
+                f"far from its origin, as in map coordinates: `position_m: [{position}]` with `scale: {scale:g}` would "
+                "put its foot at the anchor"
             )
+        if self.step * scale_guess(self.extent) > COARSE_STEP_M:
+            lines.append(
+                f"its coordinates are in single precision, in steps of {self.step:.2g}: export it about a local origin"
+            )
+        return lines
+
+    def _closure(self) -> list[str]:
+        found = self.topology
+        lines = []
+        if self.watertight and not self.not_finite:
+            lines.append("closed: every edge joins two triangles")
+        elif found.border_edges:
+            holes = _count(found.holes, "hole or open border", "holes or open borders")
+            lines.append(f"not closed: {_count(found.border_edges, 'open edge')} in {holes}: harmless")
+        if found.crowded_edges:
+            edges = _count(found.crowded_edges, "edge")
+            lines.append(f"{edges} of more than two triangles: inner walls or parts that touch: harmless")
+        if found.flipped:
+            lines.append(f"{_count(found.flipped, 'triangle')} facing the other way than their neighbours: harmless")
+        if self.inside_out:
+            lines.append("its triangles face inwards: harmless")
+        if found.flipped or self.inside_out or found.border_edges:
+            lines.append("(planning takes both sides of every triangle for surface and does not need it closed)")
+        sampled = f"{SAMPLED_POINTS:,} sampled points, {DIRECTIONS} directions"
+        if self.inner > 0:
+            lines.append(
+                f"inner faces: about {100 * self.inner:.2g} % of the surface cannot be seen from outside ({sampled}): "
+                "they are not asked for, and count as not coverable"
+            )
+        elif self.area > 0:
+            lines.append(f"no inner faces found ({sampled})")
+        return lines
+
+    def _repairs(self) -> list[str]:
+        lines = []
         if self.duplicates:
-            result.append(f"{_count(self.duplicates, 'triangle')} repeat another one: harmless")
+            lines.append(f"{_count(self.duplicates, 'triangle')} repeat another one: left out when planning")
         if self.degenerate:
-            result.append(f"{_count(self.degenerate, 'triangle')} without area: left out when planning")
+            lines.append(f"{_count(self.degenerate, 'triangle')} without area: left out when planning")
         if self.not_finite:
-            result.append(
-                f"{_count(self.not_finite, 'triangle')} with corners that are not finite (NaN): mend the file"
-            )
-        return result
+            lines.append(f"{_count(self.not_finite, 'triangle')} with corners that are not finite (NaN): mend the file")
+        return lines
+
+    def _planning(self) -> list[str]:
+        left = self.triangles - self.not_finite - self.degenerate - self.duplicates
+        if self.planned_error_m == 0:
+            return [f"planned with {_count(left, 'triangle')}, not simplified"]
+        planned = _count(self.planned_triangles, "triangle")
+        return [
+            f"simplified for the planner's distance grid (at `scale: {scale_guess(self.extent):g}`): {planned}, "
+            f"nowhere further than {self.planned_error_m:.3f} m from the file's {left:,}, which the certificates use"
+        ]
 
 
 def units_guess(extent: float) -> str:
@@ -104,6 +179,11 @@ def units_guess(extent: float) -> str:
     return "millimetres, by its size (`scale: 0.001`)"
 
 
+def scale_guess(extent: float) -> float:
+    """The scale that goes with `units_guess`; 1 when that is unclear."""
+    return 1.0 if extent <= 500 else 0.01 if extent <= 15000 else 0.001
+
+
 def inspect_mesh(path: Path) -> MeshReport:
     """Look at a mesh file.
 
@@ -113,33 +193,38 @@ def inspect_mesh(path: Path) -> MeshReport:
     content = read_mesh(path)
     finite = content.finite_faces
     faces = content.faces[finite]
-    triangles = content.vertices[faces]
     low = high = np.full(3, np.nan)
-    parts = border = holes = crowded = duplicates = degenerate = 0
-    area = 0.0
+    mesh = CleanMesh(np.zeros((0, 3)), np.zeros((0, 3), dtype=np.int64), 0, 0)
     if len(faces):
-        corners = triangles.reshape(-1, 3)
-        low, high = corners.min(axis=0), corners.max(axis=0)
-        cross = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
-        area = float(np.linalg.norm(cross, axis=1).sum() / 2)
-        thin = is_degenerate(triangles)
-        degenerate = int(thin.sum())
-        welded = _welded(triangles[~thin], float((high - low).max()))
-        parts, border, holes, crowded, duplicates = _topology(welded)
+        is_used = np.zeros(len(content.vertices), dtype=np.bool_)
+        is_used[faces] = True
+        used = content.vertices[is_used]
+        low, high = used.min(axis=0), used.max(axis=0)
+        mesh = clean_mesh(_snapped(content.vertices, float((high - low).max())), faces)
+    topology = mesh_topology(mesh.faces)
+    inner, planned, inside_out, area = 0.0, None, False, 0.0
+    if len(mesh.faces):
+        scale = scale_guess(float((high - low).max()))
+        planned = planning_mesh(Structure(mesh.vertices * scale, mesh.faces), PLANNING_ERROR_M)
+        inner = inner_share(mesh.vertices, mesh.faces)
+        area, volume = _area_and_volume(mesh, (low + high) / 2)
+        inside_out = topology.border_edges == topology.crowded_edges == topology.flipped == 0 and volume < 0
     return MeshReport(
         file=path.name,
         file_format=content.file_format,
         triangles=len(content.faces),
         not_finite=int((~finite).sum()),
-        degenerate=degenerate,
-        duplicates=duplicates,
+        degenerate=mesh.degenerate,
+        duplicates=mesh.duplicates,
         low=(float(low[0]), float(low[1]), float(low[2])),
         high=(float(high[0]), float(high[1]), float(high[2])),
         area=area,
-        parts=parts,
-        border_edges=border,
-        holes=holes,
-        crowded_edges=crowded,
+        topology=topology,
+        inside_out=inside_out,
+        inner=inner,
+        step=content.step,
+        planned_triangles=len(planned.structure.faces) if planned else 0,
+        planned_error_m=planned.error_m if planned else 0.0,
         units=content.units,
     )
 
@@ -148,39 +233,14 @@ def _count(number: int, singular: str, plural: str | None = None) -> str:
     return f"{number:,} {singular if number == 1 else plural or singular + 's'}"
 
 
-def _welded(triangles: NDArray[np.float64], extent: float) -> NDArray[np.int64]:
-    """Faces (F, 3) over vertices that are told apart by their place alone."""
-    grid = np.round(triangles.reshape(-1, 3) / max(extent * SAME_VERTEX, 1e-300))
-    _, number = np.unique(grid, axis=0, return_inverse=True)
-    return np.asarray(number, dtype=np.int64).reshape(-1, 3)
+def _snapped(vertices: NDArray[np.float64], extent: float) -> NDArray[np.float64]:
+    """Vertices on a fine grid, so that those that are meant to be one are."""
+    grid = max(extent * SAME_VERTEX, 1e-300)
+    return np.asarray(np.round(vertices / grid) * grid)
 
 
-def _topology(faces: NDArray[np.int64]) -> tuple[int, int, int, int, int]:
-    """Parts, open edges, groups of open edges, edges of more than two triangles, repeated triangles."""
-    if not len(faces):
-        return 0, 0, 0, 0, 0
-    distinct = np.unique(np.sort(faces, axis=1), axis=0)
-    edges = np.sort(distinct[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
-    unique, times = np.unique(edges, axis=0, return_counts=True)
-    border = unique[times == 1]
-    return (
-        _groups(unique),
-        len(border),
-        _groups(border),
-        int((times > 2).sum()),
-        len(faces) - len(distinct),
-    )
-
-
-def _groups(edges: NDArray[np.int64]) -> int:
-    """Connected groups that edges (E, 2) form."""
-    from scipy.sparse import coo_array
-    from scipy.sparse.csgraph import connected_components
-
-    if not len(edges):
-        return 0
-    nodes, number = np.unique(edges, return_inverse=True)
-    pairs = number.reshape(-1, 2)
-    graph = coo_array((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(len(nodes), len(nodes)))
-    count: int = connected_components(graph, directed=False)[0]
-    return count
+def _area_and_volume(mesh: CleanMesh, middle: NDArray[np.float64]) -> tuple[float, float]:
+    """Area of one side, and the volume that the triangles enclose, with their orientation as its sign."""
+    a, b, c = (mesh.vertices[mesh.faces[:, k]] - middle for k in range(3))
+    area = np.linalg.norm(np.cross(b - a, c - a), axis=1).sum() / 2
+    return float(area), float(np.einsum("ij,ij->", a, np.cross(b, c)) / 6)

@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, Any
 
 from gcs.core.clock import new_id, utc_now
 from gcs.core.errors import ConflictError, GcsError, InputError, NotFoundError, OperationCancelled
-from gcs.core.inspection import Inspection
 from gcs.core.progress import SilentProgress
 from gcs.core.scenario import Scenario, parse_scenario
 from gcs.services.live_feed import JobChanged, LiveFeed, PlanChanged, PlanDeleted
@@ -75,14 +74,17 @@ def write_planned(scenario: Scenario, base: Path, out: Path, progress: Progress)
     from gcs.planning.planner import make_plan
     from gcs.services.mission_files import mission_files
     from gcs.services.report_page import report_page
-    from gcs.storage.mesh_files import load_structure
+    from gcs.storage.mesh_files import load_structure, sample_inspection
     from gcs.storage.plan_files import check_output, plan_report, write_plan
 
     check_output(out)
     progress.report("load", 0.0)
     structure, source = load_structure(scenario.structure, base)
-    inspection = scenario.inspection or Inspection(points=structure.named_points)
-    scenario = scenario.model_copy(update={"structure": source, "inspection": inspection})
+    inspection = scenario.inspection or sample_inspection(source.sample, structure)
+    safety = scenario.safety.model_copy(
+        update={"model_m": scenario.safety.model_m + structure.placement_error_m}
+    )  # so that whoever reads the plan has the whole budget
+    scenario = scenario.model_copy(update={"structure": source, "inspection": inspection, "safety": safety})
     progress.report("load", 1.0)
     plan = make_plan(scenario, structure, progress)
     progress.report("write", 0.0)

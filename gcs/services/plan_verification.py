@@ -14,11 +14,13 @@ from gcs.planning.camera_footprint import faces_camera, in_image
 from gcs.planning.certificates import Check, recheck
 from gcs.planning.coverage import certify_coverage
 from gcs.planning.energy import energy_wh
+from gcs.planning.face_certificate import recheck_faces
 from gcs.planning.fence import fence_volume
 from gcs.planning.point_distance import SceneDistance
 from gcs.planning.viewpoints import points_to_inspect
 from gcs.planning.visibility import SightLines
 from gcs.services.mission_files import mission_files
+from gcs.storage.plan_document import face_entry
 from gcs.storage.plan_files import plan_tables, read_plan, read_report, read_structure
 
 if TYPE_CHECKING:
@@ -61,6 +63,7 @@ def verify_plan(directory: Path) -> list[Check]:
         *recheck(plan, distance),
         _energy(plan),
         *_named_points(plan, structure),
+        *recheck_faces(plan, SightLines(structure), distance),
         *_coverage(plan, structure, distance),
     ]
 
@@ -77,7 +80,8 @@ def _files(plan: Plan, report: dict[str, Any], directory: Path) -> list[Check]:
         same = path.is_file() and path.read_bytes() == content
         message = "says what plan.json says" if same else "is not that of plan.json"
         checks.append(Check(name, same, float(same), 1.0, message))
-    told = {**asdict(plan.certificates), "mission_items": missions.items}
+    faces = [face_entry(face).model_dump() for face in plan.faces]
+    told = {**asdict(plan.certificates), "mission_items": missions.items, "faces": faces}
     other = sorted(key for key, value in told.items() if report.get(key) != value)
     message = f"differs from plan.json in {', '.join(other)}" if other else "says what plan.json says"
     return [*checks, Check("report.json", not other, float(not other), 1.0, message)]

@@ -10,7 +10,9 @@ import numpy as np
 from gcs.services.report_pictures import scene_view, speed_chart
 
 if TYPE_CHECKING:
-    from gcs.core.plan import Plan
+    from collections.abc import Sequence
+
+    from gcs.core.plan import CellNote, Plan
     from gcs.core.structure import Structure
 
 FIGURES: tuple[tuple[str, str, str], ...] = (
@@ -33,6 +35,8 @@ FIGURES: tuple[tuple[str, str, str], ...] = (
     ("tour_metric", "metric of the tour", ""),
     ("energy_wh", "energy", "Wh"),
     ("open_sky", "share of the time under open sky", ""),
+    ("max_blur_px", "largest motion blur", "px"),
+    ("max_skew_px", "largest rolling-shutter skew", "px"),
     ("mission_items", "mission items", ""),
 )
 
@@ -76,6 +80,7 @@ def report_page(plan: Plan, structure: Structure, report: dict[str, Any]) -> str
         f'<h2>Views</h2><div class="views">{views}</div><p>{legend}</p>\n'
         f"<h2>Speed over time</h2>{speed_chart(plan)}\n"
         f"<h2>Certificates</h2>{_figures(report)}\n"
+        f"{_faces(plan)}"
         f"<h2>Clearance budget</h2>{_budget(plan)}\n"
         f"<h2>Viewpoints</h2>{_viewpoints(plan)}\n"
         f"<h2>Planning time</h2>{_stages(plan)}\n</body></html>\n"
@@ -84,10 +89,11 @@ def report_page(plan: Plan, structure: Structure, report: dict[str, Any]) -> str
 
 def _summary(plan: Plan) -> str:
     anchor, camera = plan.scenario.anchor, plan.scenario.camera
+    name = f"{escape(camera.model)}, " if camera.model else ""
     return (
         f"{len(plan.viewpoints)} pictures in {plan.certificates.duration_s:.0f} s. "
         f"Anchor {anchor.latitude_deg:.7f}°, {anchor.longitude_deg:.7f}°, {anchor.altitude_m:.2f} m above sea level. "
-        f"Camera {camera.sensor_width_mm:g} x {camera.sensor_height_mm:g} mm, f = {camera.focal_length_mm:g} mm, "
+        f"Camera {name}{camera.sensor_width_mm:g} x {camera.sensor_height_mm:g} mm, f = {camera.focal_length_mm:g} mm, "
         f"{camera.image_width_px} x {camera.image_height_px} px."
     )
 
@@ -120,6 +126,35 @@ def _budget(plan: Plan) -> str:
         f"<td>m</td></tr><tr><th>certified</th>"
         f'<td class="n">{plan.certificates.min_clearance_m:.2f}</td><td>m</td></tr></table>'
         f"<p>The hull's radius of {vehicle.radius_m:.2f} m comes on top of it.</p>"
+    )
+
+
+def _faces(plan: Plan) -> str:
+    """Cells of the faces that were asked for: how many are seen whole, and the others by their reasons."""
+    if not plan.faces:
+        return ""
+    rows = "".join(
+        f'<tr><td>{escape(f.name)}</td><td class="n">{f.cells}</td><td class="n">{f.covered}</td>'
+        f'<td class="n">{len(f.moved)}</td><td class="n">{len(f.not_covered)}</td></tr>'
+        for f in plan.faces
+    )
+    heads = ("face", "cells", "seen whole", "of these moved or tilted", "not covered")
+    table = f"<table><tr>{''.join(f'<th>{h}</th>' for h in heads)}</tr>{rows}</table>"
+    notes = "".join(
+        f"<h3>{escape(f.name)}: {title}</h3><ul>{_by_reason(cells)}</ul>"
+        for f in plan.faces
+        for title, cells in (("not covered", f.not_covered), ("seen from another place", f.moved))
+        if cells
+    )
+    return f"<h2>Faces</h2>{table}{notes}\n"
+
+
+def _by_reason(notes: Sequence[CellNote]) -> str:
+    cells: dict[str, list[str]] = {}
+    for note in notes:
+        cells.setdefault(note.reason, []).append(note.cell)
+    return "".join(
+        f"<li>{escape(reason)} ({len(names)}): {escape(', '.join(names))}</li>" for reason, names in cells.items()
     )
 
 

@@ -7,11 +7,11 @@ import shutil
 import threading
 from dataclasses import dataclass
 from pathlib import Path
-from typing import IO, TYPE_CHECKING, Any, Literal
+from typing import IO, TYPE_CHECKING, Any, Literal, get_args
 
 from gcs.core.clock import new_id, utc_now
 from gcs.core.errors import InputError, RefusedError
-from gcs.core.structure_source import MeshSource, StructureSource
+from gcs.core.structure_source import MeshSource, SampleName, StructureSource
 from gcs.storage.atomic_files import new_directory, remove_partials
 from gcs.storage.errors import storage_error
 from gcs.storage.records import StructureRecord
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from gcs.core.structure import Structure
     from gcs.storage.database import Database
 
-SAMPLES = ("gantry-crane",)
+SAMPLES = get_args(SampleName)
 SUFFIXES = (".stl", ".obj", ".ply", ".glb", ".gltf", ".off", ".dae")
 MAX_UPLOAD_BYTES = 500_000_000
 MAX_CACHED = 4

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import math
+import hashlib
 from importlib import resources
 from typing import TYPE_CHECKING, Any
 
@@ -10,54 +10,82 @@ import numpy as np
 import yaml
 
 from gcs.core.errors import InputError
+from gcs.core.inspection import Inspection
 from gcs.core.structure import Structure
-from gcs.storage.mesh_reading import is_degenerate, read_mesh
-from gcs.storage.sample_scenes import gantry_crane
+from gcs.core.structure_source import MeshSource
+from gcs.storage.mesh_loading import LoadedMesh, load_mesh
+from gcs.storage.mesh_plausibility import check_distance, check_sizes
+from gcs.storage.ply_files import ply_bytes
+from gcs.storage.sample_scenes import SAMPLE_BUILDERS
 
 if TYPE_CHECKING:
     from pathlib import Path
 
     from numpy.typing import NDArray
 
-    from gcs.core.structure_source import MeshSource, StructureSource
+    from gcs.core.structure_source import StructureSource
 
-AVAILABLE_SAMPLES = ("gantry-crane",)
+PLACED_FILE = "structure.ply"
+"""The placed structure in the folder of a plan."""
+
+AVAILABLE_SAMPLES = tuple(SAMPLE_BUILDERS)
 
 
 def load_structure(source: StructureSource, base: Path) -> tuple[Structure, StructureSource]:
     """Load and place what a scenario names.
 
-    Order of placement: scale, upward axis (y: x, y, z -> x, -z, y), rotation about the vertical, position. Units and
-    axes that are written in a file are ignored. Degenerate triangles are dropped; the notes say so.
+    A mesh is placed by hand in the order scale, upward axis (y: x, y, z -> x, -z, y), rotation about the vertical and
+    position, or by its surveyed points. Units and axes that are written in a file are ignored. Triangles without area
+    and repeated ones are dropped; the notes say so. A file that is named several times is read once.
 
     Args:
         source: meshes and cables, or a sample.
         base: folder that relative file names start from.
 
     Returns:
-        The structure in scene ENU, and the source with the SHA-256 of every file filled in.
+        The structure in scene ENU, and the source as a plan should keep it: with the SHA-256 of every file filled in.
+        A turn in space cannot be written as rotation about the vertical, and an error found while loading must not
+        count twice: then `meshes` becomes the plan's own `structure.ply`, and `placed_from` the meshes that were given.
 
     Raises:
         InputError: a file is missing, empty, not a mesh, changed since its SHA-256 was taken, or has values that are
-            not finite; or the sample is not part of this version.
+            not finite; a mesh is of unlikely size, far away, or its surveyed points do not fit.
     """
     if source.sample is not None:
         sample = _sample_structure(source.sample)
         return _with_cables(sample, source), source
+    read: dict[str, LoadedMesh] = {}
     vertices: list[NDArray[np.float64]] = []
     faces: list[NDArray[np.int64]] = []
     notes: list[str] = []
-    placed_sources = []
-    count = 0
-    for mesh in source.meshes:
-        v, f, mesh_notes, sha256 = _load_mesh(mesh, base)
-        vertices.append(v)
-        faces.append(f + count)
-        count += len(v)
-        notes += mesh_notes
-        placed_sources.append(mesh.model_copy(update={"sha256": sha256}))
-    structure = Structure(np.concatenate(vertices), np.concatenate(faces), source.cables, (), tuple(notes))
-    return structure, source.model_copy(update={"meshes": tuple(placed_sources)})
+    bounds: list[NDArray[np.float64]] = []
+    count, error = 0, 0.0
+    for k, mesh in enumerate(source.meshes):
+        loaded = read.get(mesh.file)
+        if loaded is None:
+            loaded = read[mesh.file] = load_mesh(base / mesh.file)
+            notes += loaded.notes
+        loaded.check_unchanged(mesh.sha256)
+        placed = loaded.placed(mesh, f"structure.meshes.{k}")
+        bounds.append(placed.bounds_m)
+        vertices.append(placed.vertices_m)
+        faces.append(loaded.faces + count)
+        count += len(placed.vertices_m)
+        error = max(error, placed.error_m)
+        notes += placed.notes
+    if not source.size_is_right:
+        check_sizes(bounds, source.meshes, base)
+    for k, mesh in enumerate(source.meshes):
+        check_distance(bounds[k], mesh, f"structure.meshes.{k}")
+    structure = Structure(
+        np.concatenate(vertices), np.concatenate(faces), source.cables, (), tuple(notes), placement_error_m=error
+    )
+    given = tuple(m.model_copy(update={"sha256": read[m.file].sha256}) for m in source.meshes)
+    if error > 0 or any(m.align for m in given):
+        content = hashlib.sha256(ply_bytes(structure.vertices_m, structure.faces)).hexdigest()
+        as_placed = MeshSource(file=PLACED_FILE, sha256=content)
+        return structure, source.model_copy(update={"meshes": (as_placed,), "placed_from": given})
+    return structure, source.model_copy(update={"meshes": given})
 
 
 def sample_scenario(name: str) -> dict[str, Any]:
@@ -69,8 +97,24 @@ def sample_scenario(name: str) -> dict[str, Any]:
     return _read_sample(name, f"{name}.scenario.yaml")
 
 
+def sample_inspection(name: str | None, structure: Structure) -> Inspection:
+    """What is inspected when a scenario names only the sample: as its own scenario says, or its named points.
+
+    Args:
+        name: of the sample; a structure without one has to say what is inspected.
+        structure: gives the named points.
+
+    Raises:
+        InputError: there is no such sample.
+    """
+    if name is None:
+        raise InputError("this field is missing: name what is to be seen", field="inspection")
+    own = sample_scenario(name).get("inspection")
+    return Inspection(points=structure.named_points) if own is None else Inspection.model_validate(own)
+
+
 def _sample_structure(name: str) -> Structure:
-    return gantry_crane(_read_sample(name, f"{name}.yaml"))
+    return SAMPLE_BUILDERS[name](_read_sample(name, f"{name}.yaml"))
 
 
 def _with_cables(structure: Structure, source: StructureSource) -> Structure:
@@ -92,39 +136,3 @@ def _read_sample(name: str, file: str) -> dict[str, Any]:
     content = resources.files("gcs.storage").joinpath("samples", file).read_text(encoding="utf-8")
     data: dict[str, Any] = yaml.safe_load(content)
     return data
-
-
-def _load_mesh(source: MeshSource, base: Path) -> tuple[NDArray[np.float64], NDArray[np.int64], list[str], str]:
-    path = base / source.file
-    content = read_mesh(path)
-    if source.sha256 is not None and source.sha256 != content.sha256:
-        raise InputError("the file has changed since the plan was made (its SHA-256 differs)", field=str(path))
-    bad = int((~content.finite_faces).sum())
-    if bad:
-        which = "1 triangle has" if bad == 1 else f"{bad} triangles have"
-        raise InputError(f"{which} corners that are not finite (NaN): mend the file", field=str(path))
-    vertices = _place(content.vertices, source)
-    degenerate = is_degenerate(vertices[content.faces])
-    notes = []
-    if degenerate.all():
-        raise InputError("all its triangles are only lines or points: it is not a surface mesh", field=str(path))
-    if degenerate.any():
-        notes.append(f"{path.name}: {int(degenerate.sum())} triangles without area were left out")
-    if content.units is not None:
-        notes.append(f"{path.name}: the unit written in the file ({content.units}) is ignored; `scale` counts")
-    faces = content.faces[~degenerate]
-    used = np.unique(faces)  # loose vertices may be anything, even NaN
-    number = np.zeros(len(vertices), dtype=np.int64)
-    number[used] = np.arange(len(used))
-    return vertices[used], number[faces], notes, content.sha256
-
-
-def _place(vertices: NDArray[np.float64], source: MeshSource) -> NDArray[np.float64]:
-    v = vertices * source.scale
-    if source.up == "y":
-        v = np.column_stack([v[:, 0], -v[:, 2], v[:, 1]])
-    angle = math.radians(source.rotation_deg)
-    c, s = math.cos(angle), math.sin(angle)
-    turned = np.column_stack([c * v[:, 0] - s * v[:, 1], s * v[:, 0] + c * v[:, 1], v[:, 2]])
-    placed: NDArray[np.float64] = turned + np.asarray(source.position_m)
-    return placed

@@ -11,14 +11,16 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from gcs.core.errors import InputError
+from gcs.storage.mesh_collada import read_collada
+from gcs.storage.mesh_text import has_single_precision, obj_with_absolute_indices, ply_in_double
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 FORMATS = {".stl": "STL", ".obj": "OBJ", ".ply": "PLY", ".glb": "GLB", ".gltf": "GLTF", ".off": "OFF", ".dae": "DAE"}
 
-SLIVER = 1e-9
-"""A triangle whose height is less than this share of its longest side is a line."""
+STL_HEAD_BYTES = 84
+STL_TRIANGLE = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,6 +33,8 @@ class MeshContent:
         file_format: such as `STL`.
         sha256: of the file's bytes.
         units: the unit that is written in the file, if one is; it is not used.
+        step: distance between neighbouring numbers that the file can hold at its largest coordinate, when it holds
+            single precision; else 0.
     """
 
     vertices: NDArray[np.float64]
@@ -38,21 +42,15 @@ class MeshContent:
     file_format: str
     sha256: str
     units: str | None
+    step: float
 
     @property
     def finite_faces(self) -> NDArray[np.bool_]:
         """Faces whose corners are all finite, shape (F,)."""
         finite = np.asarray(np.isfinite(self.vertices).all(axis=1))
+        if finite.all():
+            return np.ones(len(self.faces), dtype=np.bool_)
         return np.asarray(finite[self.faces].all(axis=1))
-
-
-def is_degenerate(triangles: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Triangles that are only a line or a point, shape (F, 3, 3) -> (F,)."""
-    sides = np.roll(triangles, -1, axis=1) - triangles
-    longest_squared = (sides**2).sum(axis=2).max(axis=1)
-    doubled_area = np.linalg.norm(np.cross(sides[:, 0], sides[:, 1]), axis=1)
-    degenerate: NDArray[np.bool_] = doubled_area <= SLIVER * longest_squared
-    return degenerate
 
 
 def read_mesh(path: Path) -> MeshContent:
@@ -74,44 +72,93 @@ def read_mesh(path: Path) -> MeshContent:
         raise InputError(f"cannot be read: {error.strerror or error}", field=name) from None
     if not data:
         raise InputError("the file is empty", field=name)
-    vertices, faces, units = _parse(data, path, file_format)
-    if not len(faces):
+    parsed = _parse(data, path, file_format)
+    if not len(parsed.faces):
         raise InputError("there are no triangles in it: it is not a surface mesh", field=name)
-    if faces.min() < 0 or faces.max() >= len(vertices):
+    if parsed.faces.min() < 0 or parsed.faces.max() >= len(parsed.vertices):
         raise InputError("a triangle names a vertex that is not there: the file is damaged", field=name)
-    return MeshContent(vertices, faces, file_format, hashlib.sha256(data).hexdigest(), units)
+    return parsed
 
 
-def _parse(data: bytes, path: Path, file_format: str) -> tuple[NDArray[np.float64], NDArray[np.int64], str | None]:
-    import trimesh
-    from trimesh.resolvers import FilePathResolver
+@dataclass
+class _Part:
+    """A mesh of a file where its scene places it; `step` as in `MeshContent`."""
 
-    options = {"skip_materials": True} if file_format == "OBJ" else {}
+    vertices: NDArray[np.float64]
+    faces: NDArray[np.int64]
+    step: float = 0.0
+
+
+def _parse(data: bytes, path: Path, file_format: str) -> MeshContent:
+    units = None
     try:
-        scene = trimesh.load_scene(
-            io.BytesIO(data),
-            file_type=file_format.lower(),
-            resolver=FilePathResolver(str(path)),
-            process=False,
-            **options,
-        )
-        parts = []
-        units = None
-        for node in scene.graph.nodes_geometry:
-            transform, geometry = scene.graph[node]
-            mesh = scene.geometry[geometry]
-            if isinstance(mesh, trimesh.Trimesh):
-                placed = np.asarray(mesh.vertices, dtype=np.float64) @ transform[:3, :3].T + transform[:3, 3]
-                parts.append((placed, np.asarray(mesh.faces, dtype=np.int64)))
-                units = units or mesh.metadata.get("units")
+        if file_format == "DAE":
+            placed, units = read_collada(data)
+            parts = [_Part(v, f) for v, f in placed]
+        else:
+            binary = _binary_stl(data) if file_format == "STL" else None
+            parts = _read_scene(data, path, file_format) if binary is None else [binary]
     except Exception as error:  # the readers raise whatever a damaged file leads them to
         reason = " ".join(str(error).split())[:160] or type(error).__name__
         if isinstance(error, ImportError):  # it took a damaged file for one in some other encoding
             reason = "it is neither binary nor text as this format asks"
         raise InputError(f"is not a mesh in {file_format} format, or is damaged ({reason})", field=str(path)) from error
+    vertices, faces = _joined(parts)
+    step = max((p.step for p in parts), default=0.0)
+    return MeshContent(vertices, faces, file_format, hashlib.sha256(data).hexdigest(), units, step)
+
+
+def _binary_stl(data: bytes) -> _Part | None:
+    """A binary STL, or None when it is not one."""
+    count = int.from_bytes(data[STL_HEAD_BYTES - 4 : STL_HEAD_BYTES], "little")
+    if len(data) < STL_HEAD_BYTES or len(data) != STL_HEAD_BYTES + count * STL_TRIANGLE.itemsize:
+        return None
+    corners = np.frombuffer(data, dtype=STL_TRIANGLE, offset=STL_HEAD_BYTES)["corners"].reshape(-1, 3)
+    vertices = corners.astype(np.float64)
+    return _Part(vertices, np.arange(3 * count).reshape(-1, 3), _single_step(vertices))
+
+
+def _read_scene(data: bytes, path: Path, file_format: str) -> list[_Part]:
+    import trimesh
+    from trimesh.resolvers import FilePathResolver
+
+    options = {"skip_materials": True} if file_format == "OBJ" else {}
+    is_single = file_format in {"GLB", "GLTF"} or (file_format == "PLY" and has_single_precision(data))
+    ready = {"PLY": ply_in_double, "OBJ": obj_with_absolute_indices}.get(file_format, bytes)(data)
+    scene = trimesh.load_scene(
+        io.BytesIO(ready),
+        file_type=file_format.lower(),
+        resolver=FilePathResolver(str(path)),
+        process=False,
+        **options,
+    )
+    parts = []
+    for node in scene.graph.nodes_geometry:
+        transform, geometry = scene.graph[node]
+        mesh = scene.geometry[geometry]
+        if isinstance(mesh, trimesh.Trimesh):
+            own = np.asarray(mesh.vertices, dtype=np.float64)
+            placed = own @ transform[:3, :3].T + transform[:3, 3]
+            faces = np.asarray(mesh.faces, dtype=np.int64)
+            stretch = float(np.linalg.norm(transform[:3, :3], ord=2))
+            parts.append(_Part(placed, faces, _single_step(own) * stretch if is_single else 0.0))
+    return parts
+
+
+def _single_step(vertices: NDArray[np.float64]) -> float:
+    """Distance between neighbouring single precision numbers at the largest finite coordinate."""
+    low, high = float(vertices.min(initial=0.0)), float(vertices.max(initial=0.0))
+    if not np.isfinite(high - low):
+        finite = vertices[np.isfinite(vertices)]
+        low, high = float(finite.min(initial=0.0)), float(finite.max(initial=0.0))
+    return float(np.spacing(np.float32(max(-low, high))))
+
+
+def _joined(parts: list[_Part]) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
     if not parts:
-        return np.zeros((0, 3)), np.zeros((0, 3), dtype=np.int64), None
-    offsets = np.cumsum([0] + [len(v) for v, _ in parts[:-1]])
-    vertices = np.concatenate([v for v, _ in parts])
-    faces = np.concatenate([f + o for (_, f), o in zip(parts, offsets, strict=True)])
-    return vertices, faces, str(units) if units and file_format == "DAE" else None
+        return np.zeros((0, 3)), np.zeros((0, 3), dtype=np.int64)
+    if len(parts) == 1:
+        return parts[0].vertices, parts[0].faces
+    offsets = np.cumsum([0] + [len(p.vertices) for p in parts[:-1]])
+    faces = [p.faces + offset for p, offset in zip(parts, offsets, strict=True)]
+    return np.concatenate([p.vertices for p in parts]), np.concatenate(faces)

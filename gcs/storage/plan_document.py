@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from gcs.core.camera import Camera
-from gcs.core.plan import Certificates, Plan, SurfaceCoverage, Viewpoint
+from gcs.core.plan import CellNote, Certificates, FaceCoverage, Plan, SurfaceCoverage, Viewpoint
 from gcs.core.scenario import Scenario
 from gcs.core.structure_source import Cable
 from gcs.core.trajectory import AngleProfile, PiecewisePolynomial
@@ -34,7 +34,7 @@ class ViewpointEntry(Document):
     position_m: Point
     direction: Point
     up: Point
-    gsd_m: float
+    gsd_m: Annotated[float, Field(gt=0)]
     time_s: float
     yaw_rad: float
     gimbal_pitch_rad: float
@@ -87,6 +87,23 @@ class CoverageEntry(Document):
     coverable: list[bool]
 
 
+class CellEntry(Document):
+    """A cell of a face and what is to be said about it."""
+
+    cell: str
+    reason: str
+
+
+class FaceEntry(Document):
+    """How many cells of a face are seen whole; which of them not from straight in front, and which not at all."""
+
+    name: str
+    cells: int
+    covered: int
+    moved: list[CellEntry]
+    not_covered: list[CellEntry]
+
+
 class EventEntry(Document):
     """Something that happens at a time of the trajectory."""
 
@@ -117,6 +134,8 @@ class CertificatesEntry(Document):
     tour_metric: str
     energy_wh: float
     open_sky: float
+    max_blur_px: float | None = None
+    max_skew_px: float | None = None
 
 
 class PlanDocument(Document):
@@ -136,6 +155,7 @@ class PlanDocument(Document):
     gimbal_pitch: AngleEntry
     events: list[EventEntry]
     coverage: CoverageEntry | None
+    faces: list[FaceEntry] = []
     certificates: CertificatesEntry
     stages_s: dict[str, float]
 
@@ -162,6 +182,7 @@ class PlanDocument(Document):
             == len(self.coverage.normals)
             == len(self.coverage.seen)
             == len(self.coverage.coverable),
+            "faces": all(f.covered == f.cells - len(f.not_covered) for f in self.faces),
         }
         wrong = [name for name, well in fits.items() if not well]
         if wrong:
@@ -221,8 +242,20 @@ def document_of(plan: Plan) -> PlanDocument:
             seen=coverage.seen.tolist(),
             coverable=coverage.coverable.tolist(),
         ),
+        faces=[face_entry(face) for face in plan.faces],
         certificates=CertificatesEntry.model_validate(vars(certificates)),
         stages_s=plan.stages_s,
+    )
+
+
+def face_entry(face: FaceCoverage) -> FaceEntry:
+    """The entry of a face."""
+    return FaceEntry(
+        name=face.name,
+        cells=face.cells,
+        covered=face.covered,
+        moved=[CellEntry(cell=note.cell, reason=note.reason) for note in face.moved],
+        not_covered=[CellEntry(cell=note.cell, reason=note.reason) for note in face.not_covered],
     )
 
 
@@ -268,7 +301,14 @@ def plan_of(document: PlanDocument) -> Plan:
         ),
         certificates=Certificates(**document.certificates.model_dump()),
         stages_s=document.stages_s,
+        faces=tuple(
+            FaceCoverage(face.name, face.cells, _notes(face.moved), _notes(face.not_covered)) for face in document.faces
+        ),
     )
+
+
+def _notes(entries: list[CellEntry]) -> tuple[CellNote, ...]:
+    return tuple(CellNote(entry.cell, entry.reason) for entry in entries)
 
 
 def _point(values: NDArray[np.float64]) -> Point:

@@ -16,7 +16,7 @@ from pydantic import ValidationError
 from gcs.core.errors import InputError
 from gcs.core.structure import Structure
 from gcs.storage.atomic_files import check_replaceable, new_directory
-from gcs.storage.plan_document import PlanDocument, document_of, plan_of
+from gcs.storage.plan_document import PlanDocument, document_of, face_entry, plan_of
 from gcs.storage.ply_files import ply_bytes, read_ply
 
 if TYPE_CHECKING:
@@ -62,7 +62,8 @@ def plan_report(plan: Plan, *, mission_items: int | None = None) -> dict[str, An
         plan: a finished plan.
         mission_items: how many items its mission has; None when no mission files are written.
     """
-    return {**asdict(plan.certificates), "mission_items": mission_items, "stages_s": plan.stages_s}
+    faces = [face_entry(face).model_dump() for face in plan.faces]
+    return {**asdict(plan.certificates), "faces": faces, "mission_items": mission_items, "stages_s": plan.stages_s}
 
 
 def check_output(directory: Path) -> None:

@@ -1,13 +1,21 @@
-"""Simple closed solids as triangles, facing outwards: hexahedra, boxes, beams and tubes."""
+"""Simple closed solids as triangles, facing outwards: hexahedra, boxes, beams, tubes and extruded profiles."""
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from gcs.core.structure import Structure
+
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from numpy.typing import ArrayLike, NDArray
+
+    from gcs.core.inspection import NamedPoint
+    from gcs.core.structure_source import Cable
 
 _HEXAHEDRON_QUADS = np.array([[0, 3, 2, 1], [4, 5, 6, 7], [0, 1, 5, 4], [1, 2, 6, 5], [2, 3, 7, 6], [3, 0, 4, 7]])
 
@@ -50,15 +58,75 @@ def beam(start: ArrayLike, end: ArrayLike, width: float, height: float) -> NDArr
     return hexahedron([a + o for o in offsets] + [b + o for o in offsets])
 
 
-def tube(start: ArrayLike, end: ArrayLike, radius: float, sides: int = 8) -> NDArray[np.float64]:
-    """A closed prism with `sides` sides about an axis (m); triangles of shape (4 sides, 3, 3)."""
+def tube(
+    start: ArrayLike, end: ArrayLike, radius: float, sides: int = 8, end_radius: float | None = None
+) -> NDArray[np.float64]:
+    """A closed prism with `sides` sides about an axis (m), or a frustum; triangles of shape (4 sides, 3, 3)."""
     a, b = np.asarray(start, dtype=np.float64), np.asarray(end, dtype=np.float64)
     side, up = _across(a, b)
     angle = 2 * np.pi * np.arange(sides) / sides
-    ring = radius * (np.cos(angle)[:, None] * side + np.sin(angle)[:, None] * up)
-    after = np.roll(ring, -1, axis=0)
-    start_cap = np.stack([np.broadcast_to(a, ring.shape), a + after, a + ring], axis=1)
-    end_cap = np.stack([np.broadcast_to(b, ring.shape), b + ring, b + after], axis=1)
-    first = np.stack([a + ring, a + after, b + after], axis=1)
-    second = np.stack([a + ring, b + after, b + ring], axis=1)
-    return np.concatenate([start_cap, end_cap, first, second])
+    circle = np.cos(angle)[:, None] * side + np.sin(angle)[:, None] * up
+    first, last = a + radius * circle, b + (radius if end_radius is None else end_radius) * circle
+    first_next, last_next = np.roll(first, -1, axis=0), np.roll(last, -1, axis=0)
+    start_cap = np.stack([np.broadcast_to(a, first.shape), first_next, first], axis=1)
+    end_cap = np.stack([np.broadcast_to(b, last.shape), last, last_next], axis=1)
+    mantle = [np.stack([first, first_next, last_next], axis=1), np.stack([first, last_next, last], axis=1)]
+    return np.concatenate([start_cap, end_cap, *mantle])
+
+
+def profile_along(profile: ArrayLike, start: ArrayLike, end: ArrayLike, pieces: int = 1) -> NDArray[np.float64]:
+    """A symmetric cross section drawn along a level axis, such as a rail or a bridge girder.
+
+    Args:
+        profile: half width and height above the axis (m) from the lowest level to the highest, shape (N, 2); heights
+            ascend and half widths are above 0.
+        start: first point of the axis, scene ENU, shape (3,).
+        end: its last point, at the same height.
+        pieces: how many stretches of equal length the sides are cut into, so that triangles do not get too long.
+
+    Returns:
+        Triangles, shape (4 (N - 1) + 4 N pieces, 3, 3).
+    """
+    half, height = np.asarray(profile, dtype=np.float64).T
+    a, b = np.asarray(start, dtype=np.float64), np.asarray(end, dtype=np.float64)
+    side, up = _across(a, b)
+    right = half[:, None] * side + height[:, None] * up
+    left = -half[:, None] * side + height[:, None] * up
+    outline = np.concatenate([right, left[::-1]])
+    after = np.roll(outline, -1, axis=0)
+    parts = [_quads(left[:-1], left[1:], right[1:], right[:-1]) + a]
+    stations = np.linspace(a, b, pieces + 1)
+    parts += [_quads(outline + p, after + p, after + q, outline + q) for p, q in pairwise(stations)]
+    parts.append(_quads(left[:-1], right[:-1], right[1:], left[1:]) + b)
+    return np.concatenate(parts)
+
+
+def structure_of_solids(
+    solids: Sequence[NDArray[np.float64]],
+    cables: tuple[Cable, ...] = (),
+    named_points: tuple[NamedPoint, ...] = (),
+    notes: tuple[str, ...] = (),
+) -> Structure:
+    """A structure of closed solids; where two have the same triangle from both sides, they are joined.
+
+    Args:
+        solids: triangles of each, shape (F, 3, 3), facing outwards.
+        cables: straight capsules.
+        named_points: the scene's own inspection points.
+        notes: what the user is to know.
+    """
+    vertices, inverse = np.unique(np.concatenate(solids).reshape(-1, 3), axis=0, return_inverse=True)
+    faces = inverse.reshape(-1, 3).astype(np.int64)
+    turned = (faces.argmin(axis=1)[:, None] + np.arange(3)) % 3
+    faces = np.unique(np.take_along_axis(faces, turned, axis=1), axis=0)
+    both_ways = np.concatenate([faces, faces[:, [0, 2, 1]]])
+    _, group, count = np.unique(both_ways, axis=0, return_inverse=True, return_counts=True)
+    faces = faces[count[group.ravel()[: len(faces)]] == 1]  # a face from both sides lies inside
+    return Structure(vertices, faces, cables, named_points, notes)
+
+
+def _quads(
+    a: NDArray[np.float64], b: NDArray[np.float64], c: NDArray[np.float64], d: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Quadrilaterals a-b-c-d as triangles, (N, 3) each -> (2 N, 3, 3)."""
+    return np.concatenate([np.stack([a, b, c], axis=1), np.stack([a, c, d], axis=1)])

@@ -56,7 +56,7 @@ def test_camera_distances_follow_similar_triangles():
         (["anchor", "latitude_deg"], 95.0, "anchor.latitude_deg"),
         (["camera", "sensor_width_mm"], -1.0, "camera.sensor_width_mm"),
         (["camera", "focal_length_mm"], math.nan, "camera.focal_length_mm"),
-        (["camera", "model"], "Mavic 3E", "camera: `model` needs the camera library"),
+        (["camera", "model"], "Nikon Coolpix", "camera.model: no camera of the library is called 'Nikon Coolpix'"),
         (["wind"], 3, "wind: unknown field"),
         (["inspection", "surface", "gsd"], 3, "inspection.surface.gsd: unknown field"),
         (["inspection"], None, "inspection is missing"),

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from gcs.core.camera import Camera
-from gcs.planning.camera_footprint import faces_camera, footprint_area, furthest_in_image, in_image
+from gcs.planning.camera_footprint import faces_camera, footprint_area, furthest_in_image, in_image, sharp_in_image
 
 CAMERA = Camera(
     sensor_width_mm=13.2, sensor_height_mm=8.8, focal_length_mm=8.8, image_width_px=5472, image_height_px=3648
@@ -47,3 +47,16 @@ def test_incidence_and_side():
 def test_furthest_point_and_area():
     assert furthest_in_image(CAMERA, 10) == pytest.approx(math.sqrt(100 + 7.5**2 + 5**2))
     assert footprint_area(CAMERA, 10) == pytest.approx(150)
+
+
+def test_only_the_depth_of_field_is_sharp():
+    camera = CAMERA.model_copy(update={"f_number": 2.8, "focal_length_mm": 30.0})
+    nearest, furthest = camera.sharp_between_m(8.0)
+    assert 5 < nearest < 8 < furthest < 20
+    depths = np.array([nearest - 0.01, nearest + 0.01, 8.0, furthest - 0.01, furthest + 0.01])
+    points = np.array([1, 2, 3]) + np.column_stack([depths, 0.05 * depths, np.zeros(5)])
+    pose = [1, 2, 3], [1, 0, 0], [0, 0, 1]
+    assert sharp_in_image(camera, *pose, points, 100.0, 8.0).tolist() == [False, True, True, True, False]
+    assert sharp_in_image(camera, *pose, points, 8.5, 8.0).tolist() == [False, True, True, False, False]
+    assert sharp_in_image(camera, *pose, points, 100.0, 8.0, core=0.01).sum() == 0
+    assert sharp_in_image(CAMERA, *pose, points, 100.0, 8.0).all()

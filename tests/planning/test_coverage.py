@@ -150,3 +150,18 @@ def test_agrees_with_the_independent_check():
     ours = certify(views, structure=structure)
     assert ours.share_seen == pytest.approx(theirs[0], abs=0.02)
     assert ours.share_coverable == pytest.approx(theirs[1], abs=0.02)
+
+
+def test_what_is_out_of_focus_is_not_seen():
+    plain = scenario()
+    camera = plain.camera.model_copy(update={"f_number": 1.2, "blur_circle_px": 0.5})
+    asked = plain.model_copy(update={"camera": camera})
+    distance = SceneDistance(CUBE, 0.0)
+    shares = {}
+    for focus in (3.0, 12.0):
+        pose = pose_towards("S", (17, 0, 40), np.subtract((0, 0, 40), (17, 0, 40)), camera.gsd_at(focus))
+        nearest, furthest = camera.sharp_between_m(focus)
+        assert (nearest < 12 < furthest) == (focus == 12.0)
+        shares[focus] = certify_coverage(asked, CUBE, [pose], EVERYWHERE, distance, SilentProgress()).share_seen
+    assert shares[3.0] == 0
+    assert shares[12.0] == pytest.approx(1 / 5, abs=0.01)

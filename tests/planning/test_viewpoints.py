@@ -34,7 +34,7 @@ def tower_scene(tower_scenario, tower):
 
 
 def find(scenario, structure, scene, progress=QUIET):
-    return find_viewpoints(scenario, structure, scene.space, scene.distance, progress)
+    return find_viewpoints(scenario, structure, scene.space, scene.distance, progress).poses
 
 
 def coverage_of(scenario, structure, scene, poses):

@@ -1,6 +1,7 @@
 """Viewpoints of named points in front of simple walls, where the right answer is known."""
 
 import math
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -9,7 +10,9 @@ import trimesh
 from gcs.core.camera import Camera, Gimbal
 from gcs.core.errors import InfeasibleError
 from gcs.core.inspection import NamedPoint
+from gcs.core.scenario import Safety, VehicleSpec
 from gcs.core.structure import Structure
+from gcs.planning.picture_limits import NearestPlace, nearest_place, nearest_sharp_m
 from gcs.planning.point_distance import SceneDistance
 from gcs.planning.viewpoints_points import find_point_viewpoint, stand_off_m
 from gcs.planning.visibility import SightLines
@@ -55,9 +58,22 @@ def boxes(*parts):
     return Structure(np.asarray(whole.vertices), np.asarray(whole.faces))
 
 
-def find(structure, point, clearance=3.0, camera=CAMERA, **room):
+def nearest(clearance_m, camera=CAMERA, position_error_m=0.0, **vehicle):
+    """From how near a point may be photographed with only these numbers."""
+    scenario = SimpleNamespace(
+        camera=camera, safety=Safety(position_m=position_error_m), vehicle=VehicleSpec(**vehicle)
+    )
+    return nearest_place(scenario, clearance_m)
+
+
+def find(structure, point, clearance=3.0, camera=CAMERA, place=None, **room):
     return find_point_viewpoint(
-        point, camera, Room(structure, clearance, **room), SightLines(structure), furthest_m=40.0
+        point,
+        camera,
+        place or nearest(clearance, camera),
+        Room(structure, clearance, **room),
+        SightLines(structure),
+        furthest_m=40.0,
     )
 
 
@@ -93,9 +109,45 @@ def test_a_gsd_finer_than_the_clearance_allows_names_the_point_and_the_best():
     with pytest.raises(
         InfeasibleError, match=r"points\.P7: a GSD of 0\.5 mm .* best it can have is 0\.82 mm"
     ) as caught:
-        stand_off_m(named(gsd_mm=0.5), CAMERA, 3.0)
+        stand_off_m(named(gsd_mm=0.5), CAMERA, nearest(3.0), 40.0)
     assert caught.value.exit_status == 3
     assert CAMERA.gsd_at(3.0) == pytest.approx(0.00082, abs=5e-6)
+
+
+def test_the_position_error_cannot_move_a_point_out_of_the_picture():
+    long_lens = Camera(**{**SENSOR, "focal_length_mm": 88.0})  # half the picture's height: 0.05 m a metre of distance
+    place = nearest(2.0, long_lens, position_error_m=0.3)
+    assert place.distance_m == pytest.approx(0.3 / (8.8 / (2 * 88.0)))
+    pose = find(boxes(WALL), named(), clearance=2.0, camera=long_lens, place=place)
+    depth = pose.position_m[0] - 1
+    assert depth * long_lens.half_height_tangent >= 0.3 - 1e-9
+    with pytest.raises(InfeasibleError, match=r"points\.P7: a GSD .* whatever the position error, only from 6\.00 m"):
+        stand_off_m(named(gsd_mm=1000 * long_lens.gsd_at(5.9)), long_lens, place, 40.0)
+
+
+def test_pictures_are_not_taken_nearer_than_the_lens_focuses():
+    camera = Camera(**SENSOR, f_number=2.8, nearest_focus_m=5.0)
+    near, _ = camera.sharp_between_m(5.0)
+    assert nearest_sharp_m(camera, VehicleSpec(), 0.25) == pytest.approx(near + 0.25)
+    assert find(boxes(WALL), named(), camera=camera).position_m[0] - 1 == pytest.approx(max(near, 3.0))
+    assert nearest_sharp_m(CAMERA, VehicleSpec(), 0.25) == 0, "without optics everything is sharp"
+
+
+def test_a_slow_shutter_keeps_its_distance_from_what_it_drifts_along():
+    camera = Camera(**SENSOR, exposure_s=1 / 50)
+    # at the nearest distance the drift during the exposure is one pixel wide
+    depth = 0.1 / 50 * 5472 * 8.8 / 13.2
+    assert nearest_sharp_m(camera, VehicleSpec(hover_speed_m_s=0.1), 0.0) == pytest.approx(depth)
+    place = nearest(3.0, camera, hover_speed_m_s=0.1)
+    assert place.distance_m == pytest.approx(depth)
+    assert find(boxes(WALL), named(), camera=camera, place=place).position_m[0] - 1 == pytest.approx(depth)
+    with pytest.raises(InfeasibleError, match=r"sharp only from 7\.30 m .* the best it can have is 2\.00 mm"):
+        stand_off_m(named(gsd_mm=1.5), camera, place, 40.0)
+
+
+def test_what_is_too_far_to_be_searched_says_so():
+    with pytest.raises(InfeasibleError, match=r"points\.P7: far, and viewpoints are at most 40 m away"):
+        stand_off_m(named(), CAMERA, NearestPlace(41.0, "far"), 40.0)
 
 
 def test_a_gsd_is_kept_when_the_straight_place_is_blocked():

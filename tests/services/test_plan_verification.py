@@ -50,7 +50,11 @@ def test_a_good_plan_verifies(box_plan):
 def test_a_bent_trajectory_is_found(plan):
     def bend(document):
         middle = len(document["trajectory"]["coefficients_m"]) // 2
-        document["trajectory"]["coefficients_m"][middle][0][0] += 0.3
+        box = document["corridor"][middle]
+        width, axis = min(
+            (high - low, axis) for axis, (low, high) in enumerate(zip(box["low_m"], box["high_m"], strict=True))
+        )
+        document["trajectory"]["coefficients_m"][middle][0][axis] += width
 
     rewrite(plan, bend)
     assert failed(plan) >= {"continuity", "corridor_violation_m"}

@@ -1,3 +1,4 @@
+from dataclasses import replace
 from html.parser import HTMLParser
 from xml.etree import ElementTree
 
@@ -57,3 +58,11 @@ def test_the_pictures_show_the_curve_inside_their_frame(small_plan, small_struct
     # From home at the far left to (8, 0): level in this view, 8 of 30 m wide.
     assert max(ys) - min(ys) < 0.2
     assert abs((max(xs) - min(xs)) / (480 - 56) - 8 / 30) < 0.01
+
+
+def test_the_camera_is_named(small_plan, small_structure):
+    camera = small_plan.scenario.camera.model_copy(update={"model": "P1 <35 mm>"})
+    scenario = small_plan.scenario.model_copy(update={"camera": camera})
+    source, page = read(replace(small_plan, scenario=scenario), small_structure)
+    assert "Camera P1 <35 mm>, 13.2 x 8.8 mm" in " ".join(page.text)
+    assert "<35" not in source

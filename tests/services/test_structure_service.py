@@ -43,7 +43,7 @@ def test_a_mesh_is_kept_placed_and_given_out(structures):
     np.testing.assert_allclose(loaded.structure.bounds_m, added.structure.bounds_m)
     drawn = trimesh.load(io.BytesIO(structures.mesh_ply(added.info.id)), file_type="ply", process=False)
     np.testing.assert_allclose(drawn.bounds, added.structure.bounds_m)
-    assert [info.id for info in structures.list()] == ["gantry-crane", added.info.id]
+    assert [info.id for info in structures.list()] == ["gantry-crane", "container-yard", "bridge-tower", added.info.id]
 
 
 def test_a_mesh_gives_a_scenario_to_start_from_that_is_valid(structures):
@@ -54,6 +54,12 @@ def test_a_mesh_gives_a_scenario_to_start_from_that_is_valid(structures):
     low = added.structure.bounds_m[0]
     assert scenario.home_m[0] < low[0]
     assert scenario.home_m[1] < low[1]
+
+
+@pytest.mark.parametrize("name", ["gantry-crane", "container-yard", "bridge-tower"])
+def test_every_sample_is_listed_and_comes_with_a_scenario(structures, name):
+    assert name in [info.id for info in structures.list()]
+    assert parse_scenario(structures.starting_scenario(name)).structure.sample == name
 
 
 def test_the_sample_is_there_with_its_points_and_scenario(structures):

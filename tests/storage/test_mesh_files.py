@@ -1,6 +1,7 @@
 """Structures from files of every format, their placement, and files that are not what they should be."""
 
 import hashlib
+import re
 import warnings
 
 import numpy as np
@@ -10,7 +11,9 @@ import trimesh
 from gcs.core.errors import InputError
 from gcs.core.scenario import parse_scenario
 from gcs.core.structure_source import Cable, MeshSource, StructureSource
-from gcs.storage.mesh_files import load_structure, sample_scenario
+from gcs.storage import mesh_loading
+from gcs.storage.mesh_files import AVAILABLE_SAMPLES, load_structure, sample_scenario
+from gcs.storage.mesh_reading import read_mesh
 
 CORNERS = np.array([[0, 0, 0], [2, 0, 0], [0, 3, 0], [0, 0, 4]], dtype=float)
 FACES = np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])
@@ -179,9 +182,113 @@ def test_the_sample_scenario_is_complete_and_its_structure_loads(tmp_path):
     assert len(structure.named_points) == 18
 
 
-@pytest.mark.parametrize("name", ["container-yard", "bridge-tower"])
-def test_samples_of_later_versions_say_so(tmp_path, name):
-    with pytest.raises(InputError, match="not part of this version: use gantry-crane"):
-        load_structure(StructureSource(sample=name), tmp_path)
-    with pytest.raises(InputError, match="not part of this version"):
-        sample_scenario(name)
+@pytest.mark.parametrize("name", AVAILABLE_SAMPLES)
+def test_every_sample_loads_with_its_scenario(tmp_path, name):
+    structure, _ = load_structure(parse_scenario(sample_scenario(name)).structure, tmp_path)
+    assert len(structure.faces) > 100
+
+
+def test_a_file_that_is_named_often_is_read_once(tmp_path, monkeypatch):
+    write(tmp_path, "stl")
+    read = []
+    monkeypatch.setattr(mesh_loading, "read_mesh", lambda path: read.append(path) or read_mesh(path))
+    meshes = tuple(
+        MeshSource(file="part.stl", position_m=(20 * k, 0, 0), scale=1 + k, up="y" if k == 2 else "z") for k in range(3)
+    )
+    structure, source = load_structure(StructureSource(meshes=meshes), tmp_path)
+    assert len(read) == 1
+    assert structure.faces.shape == (12, 3)
+    lying = np.stack([3 * CORNERS[:, 0] + 40, -3 * CORNERS[:, 2], 3 * CORNERS[:, 1]], axis=1)
+    by_hand = [CORNERS[FACES], 2 * CORNERS[FACES] + np.array([20, 0, 0]), lying[FACES]]
+    np.testing.assert_allclose(structure.triangles_m, np.concatenate(by_hand))
+    assert len({m.sha256 for m in source.meshes}) == 1
+
+
+def test_a_sha_256_is_checked_for_every_instance(tmp_path):
+    write(tmp_path, "stl")
+    meshes = (MeshSource(file="part.stl"), MeshSource(file="part.stl", sha256="0" * 64))
+    with pytest.raises(InputError, match="has changed"):
+        load_structure(StructureSource(meshes=meshes), tmp_path)
+
+
+def test_repeated_triangles_are_dropped_and_said(tmp_path):
+    write(tmp_path, "stl", faces=np.vstack([FACES, FACES[:2], FACES[2:3, ::-1]]))
+    structure, _ = load(tmp_path)
+    assert len(structure.faces) == 4
+    assert structure.notes == ("part.stl: 3 triangles that repeat another one were left out",)
+
+
+def test_an_stl_shares_its_vertices_and_keeps_its_triangles(tmp_path):
+    ball = trimesh.creation.icosphere(subdivisions=3, radius=7)
+    (tmp_path / "part.stl").write_bytes(ball.export(file_type="stl"))
+    structure, _ = load(tmp_path)
+    assert structure.vertices_m.shape == ball.vertices.shape
+    np.testing.assert_array_equal(structure.triangles_m, ball.triangles.astype(np.float32))
+
+
+@pytest.mark.parametrize("ending", ["stl", "obj", "ply", "off"])
+def test_a_position_takes_map_coordinates_off_before_they_hurt(tmp_path, ending):
+    offset = np.array([500000.0, 4649776.0, 20.0])
+    corners = CORNERS + np.array([0.1234, 0.5678, 0.0042])
+    lines = [" ".join(f"{c:.4f}" for c in v) for v in corners + offset]
+    if ending == "stl":
+        facet = "facet normal 0 0 0\nouter loop\n{}endloop\nendfacet\n"
+        facets = (facet.format("".join(f"vertex {lines[k]}\n" for k in f)) for f in FACES)
+        text = f"solid s\n{''.join(facets)}endsolid s\n"
+    elif ending == "obj":
+        text = "".join(f"v {v}\n" for v in lines) + "".join(f"f {a + 1} {b + 1} {c + 1}\n" for a, b, c in FACES)
+    else:
+        head = "OFF\n4 4 0\n"
+        if ending == "ply":
+            head = "ply\nformat ascii 1.0\nelement vertex 4\n" + "".join(f"property float {c}\n" for c in "xyz")
+            head += "element face 4\nproperty list uchar int vertex_indices\nend_header\n"
+        text = head + "\n".join(lines) + "\n" + "".join(f"3 {a} {b} {c}\n" for a, b, c in FACES)
+    (tmp_path / f"part.{ending}").write_text(text)
+    structure, _ = load(tmp_path, file=f"part.{ending}", position_m=tuple(-offset))
+    np.testing.assert_allclose(structure.triangles_m, corners[FACES], atol=1e-6)
+    assert structure.placement_error_m == 0
+
+
+def test_a_structure_far_from_the_anchor_is_refused_with_the_position_that_centres_it(tmp_path):
+    write(tmp_path, "off", vertices=CORNERS + np.array([500000, 4649776, 120]))
+    with pytest.raises(InputError, match=r"structure\.meshes\.0\.position_m: part\.off would stand 4677 km") as caught:
+        load(tmp_path, file="part.off")
+    position = re.search(r"\[(.*)\]", caught.value.message)[1]
+    structure, _ = load(tmp_path, file="part.off", position_m=tuple(float(c) for c in position.split(",")))
+    low, high = structure.bounds_m
+    assert np.abs((low + high)[:2]).max() <= 1.01
+    assert abs(low[2]) <= 0.51
+
+
+def test_the_position_that_centres_counts_with_what_was_given(tmp_path):
+    write(tmp_path, "off")
+    with pytest.raises(InputError, match=r"\[-1, -2, 0\]"):
+        load(tmp_path, file="part.off", position_m=(0, 90000, 0))
+
+
+@pytest.mark.parametrize(
+    ("size", "given", "said"),
+    [
+        (30000.0, 1.0, r"with scale 1 it is 30 km in size: is that right\? Else set `scale: 0.001` for 30 m"),
+        (4000.0, 1.0, r"4 km in size.*Else set `scale: 0.01` for 40 m"),
+        (0.03, 1.0, r"30 mm in size.*Else set `scale: 1000` for 30 m"),
+        (30.0, 0.001, r"with scale 0.001 it is 30 mm in size.*Else set `scale: 1` for 30 m"),
+        (30.0, 1000.0, r"30 km in size.*Else set `scale: 1` for 30 m"),
+    ],
+)
+def test_units_that_must_be_wrong_are_asked_about(tmp_path, size, given, said):
+    write(tmp_path, "off", vertices=CORNERS / 4 * size)
+    with pytest.raises(InputError, match=r"part\.off: .*" + said):
+        load(tmp_path, file="part.off", scale=given)
+
+
+def test_an_unlikely_size_can_be_confirmed(tmp_path):
+    write(tmp_path, "off", vertices=CORNERS / 4 * 0.3)
+    structure, _ = load_structure(StructureSource(meshes=(MeshSource(file="part.off"),), size_is_right=True), tmp_path)
+    assert structure.bounds_m[1, 2] == pytest.approx(0.3)
+
+
+def test_a_small_part_beside_a_large_one_is_nothing_to_ask_about(tmp_path):
+    write(tmp_path, "off")
+    meshes = (MeshSource(file="part.off"), MeshSource(file="part.off", scale=0.01))
+    assert len(load_structure(StructureSource(meshes=meshes), tmp_path)[0].faces) == 8

@@ -1,6 +1,7 @@
 import csv
 import hashlib
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import jsonschema
@@ -9,6 +10,7 @@ import pytest
 import trimesh
 
 from gcs.core.errors import InputError, StorageError
+from gcs.core.scenario import parse_scenario
 from gcs.storage import plan_files
 from gcs.storage.plan_files import plan_hash, read_plan, read_structure, sample_times, write_plan
 
@@ -40,6 +42,18 @@ def test_a_plan_comes_back_exactly(tmp_path, small_plan, small_structure):
     np.testing.assert_array_equal(back.viewpoints[0].position_m, small_plan.viewpoints[0].position_m)
     np.testing.assert_array_equal(back.coverage.seen, small_plan.coverage.seen)
     assert back.coverage.share_seen == 0.75
+
+
+def test_a_camera_of_the_library_is_written_with_its_numbers(tmp_path, scenario_data, small_plan, small_structure):
+    asked = {"model": "Mavic 3E", "exposure_s": 0.002}
+    plan = replace(small_plan, scenario=parse_scenario({**scenario_data, "camera": asked}))
+    write_plan(plan, small_structure, tmp_path / "out")
+    document = json.loads((tmp_path / "out" / "plan.json").read_text())
+    for camera in (document["camera"], document["scenario"]["camera"]):
+        assert camera["model"] == "DJI Mavic 3 Enterprise wide"
+        assert (camera["sensor_width_mm"], camera["exposure_s"]) == (17.3, 0.002)
+    jsonschema.Draft202012Validator(json.loads(plan_files.plan_schema())).validate(document)
+    assert read_plan(tmp_path / "out").scenario == plan.scenario
 
 
 def test_the_structure_comes_back_exactly_and_other_programs_read_it(tmp_path, small_plan, small_structure):

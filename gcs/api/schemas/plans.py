@@ -30,6 +30,23 @@ class JobInfo(Sent):
     finished_at: str | None
 
 
+class FaceCellNote(Sent):
+    """A cell of a face, named as its viewpoint, and what is to be said about it."""
+
+    cell: str
+    reason: str
+
+
+class FaceReport(Sent):
+    """How the cells of a face are seen."""
+
+    name: str
+    cells: int
+    covered: int = Field(description="Cells that one picture shows whole.")
+    moved: list[FaceCellNote] = Field(description="Covered, but not from straight in front; what is in the way there.")
+    not_covered: list[FaceCellNote] = Field(description="Cells that no place shows whole, and why.")
+
+
 class PlanReport(Sent):
     """The figures of `report.json`."""
 
@@ -52,6 +69,9 @@ class PlanReport(Sent):
     tour_metric: str
     energy_wh: float
     open_sky: float
+    max_blur_px: float | None = Field(None, description="None when the camera's exposure is not known.")
+    max_skew_px: float | None = Field(None, description="None when the camera's readout is not known.")
+    faces: list[FaceReport] = Field(default_factory=list)
     mission_items: int | None = Field(description="None when the plan was written without mission files.")
     stages_s: dict[str, float]
 

@@ -791,6 +791,41 @@ export interface components {
             type: "event";
         };
         /**
+         * FaceCellNote
+         * @description A cell of a face, named as its viewpoint, and what is to be said about it.
+         */
+        FaceCellNote: {
+            /** Cell */
+            cell: string;
+            /** Reason */
+            reason: string;
+        };
+        /**
+         * FaceReport
+         * @description How the cells of a face are seen.
+         */
+        FaceReport: {
+            /** Cells */
+            cells: number;
+            /**
+             * Covered
+             * @description Cells that one picture shows whole.
+             */
+            covered: number;
+            /**
+             * Moved
+             * @description Covered, but not from straight in front; what is in the way there.
+             */
+            moved: components["schemas"]["FaceCellNote"][];
+            /** Name */
+            name: string;
+            /**
+             * Not Covered
+             * @description Cells that no place shows whole, and why.
+             */
+            not_covered: components["schemas"]["FaceCellNote"][];
+        };
+        /**
          * Failure
          * @description Why a job or a plan failed.
          */
@@ -1331,14 +1366,26 @@ export interface components {
             duration_s: number;
             /** Energy Wh */
             energy_wh: number;
+            /** Faces */
+            faces?: components["schemas"]["FaceReport"][];
             /** Length M */
             length_m: number;
             /** Max Acceleration M S2 */
             max_acceleration_m_s2: number;
+            /**
+             * Max Blur Px
+             * @description None when the camera's exposure is not known.
+             */
+            max_blur_px?: number | null;
             /** Max Deviation M */
             max_deviation_m: number;
             /** Max Jerk M S3 */
             max_jerk_m_s3: number;
+            /**
+             * Max Skew Px
+             * @description None when the camera's readout is not known.
+             */
+            max_skew_px?: number | null;
             /** Max Speed M S */
             max_speed_m_s: number;
             /** Mean Deviation M */

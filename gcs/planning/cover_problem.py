@@ -1,0 +1,50 @@
+"""The cover that a choice of views answers: which candidate shows which target, and how many had to be shown."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+
+@dataclass(frozen=True, eq=False)
+class CoverProblem:
+    """A set cover, whole or in part, and a choice that answers it.
+
+    Attributes:
+        starts: where each candidate's targets begin in `members`, shape (C + 1,).
+        members: numbers of the targets that each candidate covers, candidate after candidate, without repetition.
+        targets: how many targets there are.
+        covered: targets that need no candidate, because something else covers them, shape (targets,).
+        wanted: how many targets had to be covered, those of `covered` counted in.
+        chosen: the candidates that were chosen; together with `covered` they cover at least `wanted` targets.
+    """
+
+    starts: NDArray[np.int64]
+    members: NDArray[np.int32]
+    targets: int
+    covered: NDArray[np.bool_]
+    wanted: int
+    chosen: NDArray[np.int64]
+
+    @property
+    def candidates(self) -> int:
+        """How many candidates there are."""
+        return len(self.starts) - 1
+
+    def members_of(self, candidate: int) -> NDArray[np.int32]:
+        """Numbers of the targets that a candidate covers."""
+        return self.members[self.starts[candidate] : self.starts[candidate + 1]]
+
+
+def joined_members(sets: Sequence[NDArray[np.int64]]) -> tuple[NDArray[np.int64], NDArray[np.int32]]:
+    """Sets side by side: `starts`, shape (S + 1,), and `members`."""
+    starts = np.concatenate([[0], np.cumsum([len(s) for s in sets])]).astype(np.int64)
+    members = np.concatenate([*sets, np.empty(0, dtype=np.int64)]).astype(np.int32)
+    return starts, members

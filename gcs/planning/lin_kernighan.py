@@ -1,0 +1,582 @@
+"""Local search for tours: sequential exchanges of up to five edges, and kicks that are taken back when they do not help.
+
+An exchange removes edges and adds as many: from a node t1 the tour's edge (t1, t2) goes, t2 is joined to a candidate c, one
+of c's two edges goes, its other end is joined to a candidate, and so on while the sum of what was removed less what was
+added stays positive; it is done as soon as closing it at t1 gains and gives one tour (S. Lin, B. Kernighan, Operations
+Research 21, 1973; sequential basis moves as by K. Helsgaun, Math. Programming Computation 1, 2009). Nothing is moved while
+searching: whether an exchange gives one tour depends only on the order of its cuts along the tour and on which side of
+each was chosen, and is looked up. Nodes wait in a queue for their turn; those at the ends of changed edges come again.
+
+A kick exchanges four edges near a random node in the one way that no sequence of such steps finds (O. Martin, S. Otto,
+E. Felten, Complex Systems 5, 1991); the nodes are found by random walks over the candidates (D. Applegate et al.,
+INFORMS J. on Computing 15, 2003). What became worse is taken back from a journal, but for a little more that is accepted
+with a chance that falls to nothing.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from gcs.planning.compiled import compiled
+from gcs.planning.tour_costs import Floats, Ints, TourCosts, pair_cost
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from numpy.typing import NDArray
+
+Nodes = np.ndarray[tuple[int, ...], np.dtype[np.uint32]]
+
+BREADTH = (5, 5, 3, 2)
+"""How many partial exchanges of one edge, two edges, ... are looked into further at each node."""
+
+MOST_EDGES = len(BREADTH) + 1
+WALK = 5
+"""Steps between a kick's nodes."""
+
+WARMTH = 0.15
+"""Excess that is accepted with a chance of 1/e at first, in mean costs to the nearest candidate."""
+
+KICKS_AT_ONCE = 1000
+NOTHING = 1e-10
+"""Gains below this share of the mean cost to the nearest candidate are rounding."""
+
+# rows of the scratch array: an exchange as it is built up, one column for each removed edge
+ROW = 16
+END, CUT, SIDE, TRIED, GONE_ON, CODE, LINK, BORDER = range(0, 8 * ROW, ROW)
+SCRATCH = 8 * ROW
+
+
+class _Search(NamedTuple):
+    """What the kernels work on.
+
+    Attributes:
+        data, from_points: as in `TourCosts`.
+        candidates, distances: nodes that are worth joining to each, nearest first, and the costs, shape (n, k).
+        tour, position: the nodes in visiting order, and where in it each node is, shape (n,).
+        breadth: as `BREADTH`.
+        table, first: as `closing_table` makes them.
+        exchange: scratch: the exchange that is being built.
+        gains: scratch: what was removed less what was added, by the number of removed edges.
+        moved: scratch: nodes on their way to other places, shape (n,).
+        journal, marks: nodes that stood elsewhere before, and for each exchange the first place, the direction, the
+            number of nodes, and where in the journal they begin.
+        queue, waiting: nodes from which an improvement is looked for, and whether each is in it, shape (n,).
+        nothing: a gain that is none.
+    """
+
+    data: Floats
+    from_points: bool
+    candidates: Nodes
+    distances: Floats
+    tour: Nodes
+    position: Nodes
+    breadth: Ints
+    table: Ints
+    first: Ints
+    exchange: Ints
+    gains: Floats
+    moved: Nodes
+    journal: Nodes
+    marks: Ints
+    queue: Nodes
+    waiting: np.ndarray[tuple[int, ...], np.dtype[np.bool_]]
+    nothing: float
+
+
+class LocalSearch:
+    """A tour that gets better.
+
+    Args:
+        costs: between nodes.
+        candidates: nodes that are worth joining to each, nearest first, shape (n, k); rows may end with the node itself.
+        order: the tour to begin with, shape (n,), n >= 8.
+        rng: for the kicks.
+    """
+
+    def __init__(
+        self, costs: TourCosts, candidates: NDArray[np.int64], order: NDArray[np.int64], rng: np.random.Generator
+    ) -> None:
+        n = len(order)
+        self._rng = rng
+        self._tour = order.astype(np.uint32)
+        self._position = np.empty(n, dtype=np.uint32)
+        self._position[self._tour] = np.arange(n, dtype=np.uint32)
+        self._candidates = np.ascontiguousarray(candidates, dtype=np.uint32)
+        distances = _candidate_costs(costs.data, costs.from_points, self._candidates)
+        nearest = distances[:, 0][np.isfinite(distances[:, 0])]
+        self._unit = max(float(nearest.mean()) if len(nearest) else 0.0, float(distances[np.isfinite(distances)].mean()))
+        self._search = _Search(
+            costs.data,
+            costs.from_points,
+            self._candidates,
+            distances,
+            self._tour,
+            self._position,
+            np.array(BREADTH, dtype=np.int64),
+            *closing_table(),
+            np.zeros(SCRATCH, dtype=np.int64),
+            np.zeros(ROW),
+            np.empty(n, dtype=np.uint32),
+            np.empty(max(40 * n, 100_000), dtype=np.uint32),
+            np.zeros((1000, 4), dtype=np.int64),
+            np.empty(n, dtype=np.uint32),
+            np.zeros(n, dtype=np.bool_),
+            NOTHING * self._unit,
+        )
+
+    @property
+    def order(self) -> NDArray[np.int64]:
+        """The nodes in visiting order, shape (n,)."""
+        return self._tour.astype(np.int64)
+
+    def descend(self) -> None:
+        """Exchange edges until nothing gains."""
+        _descend(self._search)
+
+    def kick(self, kicks: int, poll: Callable[[], None] | None = None) -> None:
+        """Kick and repair.
+
+        Args:
+            kicks: how often.
+            poll: called now and then; may raise.
+        """
+        for begin in range(0, kicks, KICKS_AT_ONCE):
+            if poll:
+                poll()
+            end = min(begin + KICKS_AT_ONCE, kicks)
+            _kick(self._search, self._rng, begin, end, kicks, WARMTH * self._unit)
+
+
+@compiled
+def _candidate_costs(data: Floats, from_points: bool, candidates: Nodes) -> Floats:
+    costs = np.empty(candidates.shape)
+    for i in range(candidates.shape[0]):
+        for k in range(candidates.shape[1]):
+            j = candidates[i, k]
+            costs[i, k] = math.inf if j == i else pair_cost(data, from_points, i, j)
+    return costs
+
+
+@compiled
+def closing_table() -> tuple[Ints, Ints]:
+    """Which exchanges give one tour.
+
+    Returns:
+        For k removed edges, `table[first[k] + code]` is 1 where the result is one tour. The code of an exchange has for
+        its second, third, ... edge the side that was chosen (1 where the far end of the removed edge is its second
+        node), then for each earlier one but the first whether the cut lies before it.
+    """
+    first = np.zeros(MOST_EDGES + 1, np.int64)
+    size, bits = 0, 0
+    for k in range(2, MOST_EDGES + 1):
+        bits += k - 1
+        first[k] = size
+        size += 1 << bits
+    table = np.zeros(size, np.int64)
+    s = np.zeros(SCRATCH, np.int64)
+    for k in range(2, MOST_EDGES + 1):
+        cuts = k - 1
+        for arrangement in range(cuts**cuts):
+            rest = arrangement
+            distinct = True
+            for i in range(1, k):
+                s[CUT + i] = rest % cuts
+                rest //= cuts
+                for j in range(1, i):
+                    distinct &= s[CUT + j] != s[CUT + i]
+            if not distinct:
+                continue
+            for sides in range(1 << cuts):
+                code, shift = 0, 0
+                for i in range(1, k):
+                    s[SIDE + i] = (sides >> (i - 1)) & 1
+                    code |= s[SIDE + i] << shift
+                    shift += 1
+                    for j in range(1, i):
+                        code |= int(s[CUT + i] < s[CUT + j]) << shift
+                        shift += 1
+                _link_ends(k, s)
+                table[first[k] + code] = int(_closes(k, s))
+    return table, first
+
+
+@compiled
+def _link_ends(k: int, s: Ints) -> None:
+    """Which ends of segments are joined by the added edges.
+
+    The k cuts leave k segments, numbered along the tour from t2 on, in the direction from t1 to t2; segment i has the
+    ends 2 i and 2 i + 1.
+    """
+    before = 0
+    for i in range(1, k):
+        segment = 0
+        for j in range(1, k):
+            segment += int(s[CUT + j] < s[CUT + i])
+        inner, outer = 2 * segment + 1, 2 * segment + 2
+        if s[SIDE + i] == 0:
+            inner, outer = outer, inner
+        s[LINK + before], s[LINK + inner] = inner, before
+        before = outer
+    last = 2 * k - 1
+    s[LINK + before], s[LINK + last] = last, before
+
+
+@compiled
+def _closes(k: int, s: Ints) -> bool:
+    end, visited = 0, 0
+    while True:
+        visited += 1
+        end = s[LINK + (end ^ 1)]
+        if end == 0 or visited > k:
+            return visited == k
+
+
+@compiled
+def _read(tour: Nodes, place: int, direction: int, count: int, to: Nodes, at: int) -> None:
+    """Copy nodes from a place on along the tour."""
+    n = len(tour)
+    while count > 0:
+        if direction > 0:
+            run = min(count, n - place)
+            for i in range(run):
+                to[np.uint64(at + i)] = tour[np.uint64(place + i)]
+            place = 0
+        else:
+            run = min(count, place + 1)
+            for i in range(run):
+                to[np.uint64(at + i)] = tour[np.uint64(place - i)]
+            place = n - 1
+        at += run
+        count -= run
+
+
+@compiled
+def _write(tour: Nodes, position: Nodes, place: int, direction: int, count: int, nodes: Nodes, at: int) -> None:
+    """Put nodes into the tour from a place on."""
+    n = len(tour)
+    while count > 0:
+        if direction > 0:
+            run = min(count, n - place)
+            for i in range(run):
+                node = nodes[np.uint64(at + i)]
+                tour[np.uint64(place + i)] = node
+                position[node] = place + i
+            place = 0
+        else:
+            run = min(count, place + 1)
+            for i in range(run):
+                node = nodes[np.uint64(at + i)]
+                tour[np.uint64(place - i)] = node
+                position[node] = place - i
+            place = n - 1
+        at += run
+        count -= run
+
+
+@compiled
+def _exchange(
+    tour: Nodes,
+    position: Nodes,
+    base: int,
+    direction: int,
+    k: int,
+    s: Ints,
+    moved: Nodes,
+    journal: Nodes,
+    marks: Ints,
+    done: int,
+) -> None:
+    """Put the segments into their new order; the longest stays where it is, and what stood elsewhere is noted."""
+    n = len(tour)
+    for i in range(k - 1):
+        hole = i
+        while hole > 0 and s[BORDER + hole - 1] > s[CUT + i + 1]:
+            s[BORDER + hole] = s[BORDER + hole - 1]
+            hole -= 1
+        s[BORDER + hole] = s[CUT + i + 1]
+    s[BORDER + k - 1] = n - 1
+    longest, most = 0, s[BORDER] + 1
+    for i in range(1, k):
+        if s[BORDER + i] - s[BORDER + i - 1] > most:
+            longest, most = i, s[BORDER + i] - s[BORDER + i - 1]
+    count = 0
+    end = s[LINK + 2 * longest + 1]
+    while end >> 1 != longest:
+        segment = end >> 1
+        low = s[BORDER + segment - 1] + 1 if segment > 0 else 0
+        high = s[BORDER + segment]
+        if end & 1:
+            _read(tour, (base + direction * high) % n, -direction, high - low + 1, moved, count)
+        else:
+            _read(tour, (base + direction * low) % n, direction, high - low + 1, moved, count)
+        count += high - low + 1
+        end = s[LINK + (end ^ 1)]
+    place = (base + direction * (s[BORDER + longest] + 1)) % n
+    used = marks[done, 3]
+    marks[done, 0], marks[done, 1], marks[done, 2] = place, direction, count
+    marks[done + 1, 3] = used + count
+    _read(tour, place, direction, count, journal, used)
+    _write(tour, position, place, direction, count, moved, 0)
+
+
+@compiled
+def _improve(
+    data: Floats,
+    from_points: bool,
+    candidates: Nodes,
+    distances: Floats,
+    tour: Nodes,
+    position: Nodes,
+    breadth: Ints,
+    table: Ints,
+    first: Ints,
+    s: Ints,
+    gains: Floats,
+    nothing: float,
+    t1: int,
+) -> tuple[float, int, int, int]:
+    """Look for an exchange that gains, with one of the edges at a node removed first.
+
+    Returns:
+        The gain (0 when there is none), the number of edges, t2's place and the direction from t1 to it; the exchange
+        itself is in the scratch array.
+    """
+    n = len(tour)
+    deepest = len(breadth)
+    width = np.uint64(2 * candidates.shape[1])
+    for direction in (1, -1):
+        base = np.int64(position[t1]) + direction
+        if base >= n:
+            base -= n
+        elif base < 0:
+            base += n
+        last = tour[np.uint64(base)]
+        s[END], s[END + 1] = t1, last
+        level, choice = 1, np.uint64(0)
+        s[CODE + 1], s[GONE_ON + 1] = 0, 0
+        gains[1] = pair_cost(data, from_points, t1, last)
+        while True:
+            exhausted = choice >= width or s[GONE_ON + level] >= breadth[level - 1]
+            gain = -math.inf if exhausted else gains[level] - distances[last, choice >> np.uint64(1)]
+            if gain <= nothing:
+                level -= 1
+                if level == 0:
+                    break
+                last, choice = np.uint32(s[END + 2 * level - 1]), np.uint64(s[TRIED + level])
+                continue
+            c = candidates[last, choice >> np.uint64(1)]
+            side = np.int64(choice & np.uint64(1))
+            choice += np.uint64(1)
+            place = np.int64(position[c])
+            beside = place + (2 * side - 1) * direction
+            if beside >= n:
+                beside -= n
+            elif beside < 0:
+                beside += n
+            node = tour[np.uint64(beside)]
+            if node == last:
+                continue
+            gain += pair_cost(data, from_points, c, node)
+            closed = gain - pair_cost(data, from_points, node, t1)
+            if level == deepest and closed <= nothing:
+                continue
+            cut = (place - base) * direction
+            if cut < 0:
+                cut += n
+            cut += side - 1
+            if cut < 0 or cut == n - 1:
+                continue  # the edge (t1, t2) itself
+            code = s[CODE + level]
+            shift = (level - 1) * level // 2
+            code |= side << shift
+            again = False
+            for i in range(1, level):
+                again |= s[CUT + i] == cut
+                code |= np.int64(cut < s[CUT + i]) << (shift + i)
+            if again:
+                continue
+            one_tour = table[first[level + 1] + code] == 1
+            gaining = one_tour and closed > nothing
+            if not gaining and (level == deepest or not (one_tour or level == 1)):
+                continue
+            s[CUT + level], s[SIDE + level] = cut, side
+            s[END + 2 * level], s[END + 2 * level + 1] = c, node
+            if gaining:
+                _link_ends(level + 1, s)
+                return closed, level + 1, base, direction
+            s[GONE_ON + level] += 1
+            s[TRIED + level] = choice
+            level += 1
+            s[CODE + level], s[GONE_ON + level] = code, 0
+            gains[level] = gain
+            last, choice = node, np.uint64(0)
+    return 0.0, 0, 0, 0
+
+
+@compiled
+def _repair(
+    data: Floats,
+    from_points: bool,
+    candidates: Nodes,
+    distances: Floats,
+    tour: Nodes,
+    position: Nodes,
+    breadth: Ints,
+    table: Ints,
+    first: Ints,
+    s: Ints,
+    gains: Floats,
+    moved: Nodes,
+    journal: Nodes,
+    marks: Ints,
+    queue: Nodes,
+    waiting: np.ndarray[tuple[int, ...], np.dtype[np.bool_]],
+    nothing: float,
+    count: int,
+    done: int,
+    keep: bool,
+) -> tuple[float, int]:
+    """Improve from the first `count` nodes of the queue on until nothing gains.
+
+    Returns:
+        The gain, and the number of marks in the journal, which is emptied before each exchange unless it is kept.
+    """
+    n = len(tour)
+    total, head = 0.0, 0
+    while count > 0:
+        node = queue[head]
+        head = head + 1 if head + 1 < n else 0
+        count -= 1
+        waiting[node] = False
+        while done + 1 < len(marks) and marks[done, 3] + n <= len(journal):
+            gain, k, base, direction = _improve(
+                data, from_points, candidates, distances, tour, position, breadth, table, first, s, gains, nothing, node
+            )
+            if k == 0:
+                break
+            _exchange(tour, position, base, direction, k, s, moved, journal, marks, done)
+            total += gain
+            done += int(keep)
+            for i in range(2 * k):
+                end = np.uint32(s[END + i])
+                if not waiting[end]:
+                    waiting[end] = True
+                    tail = head + count
+                    queue[tail if tail < n else tail - n] = end
+                    count += 1
+    return total, done
+
+
+@compiled
+def _descend(
+    data: Floats,
+    from_points: bool,
+    candidates: Nodes,
+    distances: Floats,
+    tour: Nodes,
+    position: Nodes,
+    breadth: Ints,
+    table: Ints,
+    first: Ints,
+    s: Ints,
+    gains: Floats,
+    moved: Nodes,
+    journal: Nodes,
+    marks: Ints,
+    queue: Nodes,
+    waiting: np.ndarray[tuple[int, ...], np.dtype[np.bool_]],
+    nothing: float,
+) -> None:
+    queue[:] = tour
+    waiting[:] = True
+    _repair(
+        data, from_points, candidates, distances, tour, position, breadth, table, first, s, gains, moved, journal,
+        marks, queue, waiting, nothing, len(tour), 0, False,
+    )  # fmt: skip
+
+
+@compiled
+def _kick(
+    data: Floats,
+    from_points: bool,
+    candidates: Nodes,
+    distances: Floats,
+    tour: Nodes,
+    position: Nodes,
+    breadth: Ints,
+    table: Ints,
+    first: Ints,
+    s: Ints,
+    gains: Floats,
+    moved: Nodes,
+    journal: Nodes,
+    marks: Ints,
+    queue: Nodes,
+    waiting: np.ndarray[tuple[int, ...], np.dtype[np.bool_]],
+    nothing: float,
+    rng: np.random.Generator,
+    begin: int,
+    end: int,
+    kicks: int,
+    warmth: float,
+) -> None:
+    n = len(tour)
+    places = np.empty(4, np.int64)
+    for turn in range(begin, end):
+        if not _choose_places(candidates, position, rng, places):
+            continue
+        base = places[3] + 1 if places[3] + 1 < n else 0
+        loss, count = 0.0, 0
+        for j in range(4):
+            s[CUT + j + 1] = (places[j] - base) % n
+            node = tour[places[j]]
+            after = tour[(places[j] + 1) % n]
+            joined = tour[(places[(j + 2) % 4] + 1) % n]
+            loss += pair_cost(data, from_points, node, joined) - pair_cost(data, from_points, node, after)
+            s[LINK + 2 * j + 1] = 2 * ((j + 3) % 4)
+            s[LINK + 2 * ((j + 3) % 4)] = 2 * j + 1
+            for x in (node, after):
+                if not waiting[x]:
+                    waiting[x] = True
+                    queue[count] = x
+                    count += 1
+        _exchange(tour, position, base, 1, 4, s, moved, journal, marks, 0)
+        gain, done = _repair(
+            data, from_points, candidates, distances, tour, position, breadth, table, first, s, gains, moved, journal,
+            marks, queue, waiting, nothing, count, 1, True,
+        )  # fmt: skip
+        allowed = -warmth * (1.0 - turn / kicks) * math.log(1.0 - rng.random())
+        if loss - gain > allowed + nothing:
+            for i in range(done - 1, -1, -1):
+                _write(tour, position, marks[i, 0], marks[i, 1], marks[i, 2], journal, marks[i, 3])
+
+
+@compiled
+def _choose_places(candidates: Nodes, position: Nodes, rng: np.random.Generator, places: Ints) -> bool:
+    """Four places in the tour, ascending, of a random node and of ends of random walks from it."""
+    centre = np.uint32(rng.random() * len(position))
+    places[0] = position[centre]
+    found = 1
+    for _ in range(50):
+        node = centre
+        for _ in range(WALK):
+            node = candidates[node, np.uint64(rng.random() * candidates.shape[1])]
+        place = np.int64(position[node])
+        hole = found
+        new = True
+        for i in range(found):
+            new &= places[i] != place
+        if not new:
+            continue
+        while hole > 0 and places[hole - 1] > place:
+            places[hole] = places[hole - 1]
+            hole -= 1
+        places[hole] = place
+        found += 1
+        if found == 4:
+            return True
+    return False
