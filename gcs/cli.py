@@ -50,9 +50,21 @@ def cli() -> None:
 @click.option("-o", "--out", required=True, type=click.Path(path_type=Path), help="Folder to write the plan into.")
 def plan(scenario: Path, out: Path) -> None:
     """Plan the inspection that SCENARIO (YAML or JSON) asks for."""
-    from gcs.services.plan_service import plan_to_directory
+    from gcs.services.plan_service import fleet_to_directory, plan_to_directory
     from gcs.services.terminal import TerminalProgress
+    from gcs.storage.scenario_files import read_scenario_file
 
+    if read_scenario_file(scenario).vehicle.count > 1:
+        with TerminalProgress() as progress:
+            fleet = fleet_to_directory(scenario, out, progress)
+        for v in fleet.vehicles:
+            views, seconds = len(v.viewpoints), v.end_s - v.start_s
+            click.echo(f"{v.directory}: {views} viewpoints in {seconds:.0f} s from t = {v.start_s:.0f} s on")
+        seen = "" if fleet.coverage is None else f", {fleet.coverage:.1%} of the coverable surface"
+        click.echo(f"{fleet.viewpoints} viewpoints{seen}, all down after {fleet.duration_s:.0f} s")
+        click.echo(f"at least {fleet.min_separation_m:.2f} m between vehicles, {fleet.apart_m:.2f} m asked")
+        click.echo(f"written to {out}")
+        return
     with TerminalProgress() as progress:
         result = plan_to_directory(scenario, out, progress)
     for note in result.notes:
@@ -65,6 +77,9 @@ def plan(scenario: Path, out: Path) -> None:
     click.echo(
         f"{c.length_m:.1f} m in {c.duration_s:.0f} s, {c.energy_wh:.0f} Wh, hull clearance {c.min_clearance_m:.2f} m"
     )
+    for number, sortie in enumerate(result.plan.sorties, start=1):
+        views, seconds, energy = len(sortie.viewpoints), sortie.duration_s, sortie.energy_wh
+        click.echo(f"sortie {number}: {views} viewpoints in {seconds:.0f} s, {energy:.0f} Wh")
     click.echo(f"written to {out}")
 
 
@@ -87,6 +102,8 @@ def verify(out: Path) -> None:
 @click.option("--mode", type=click.Choice(["mission", "offboard"]), default="mission", show_default=True)
 @click.option("--yes", "vehicle_name", metavar="VEHICLE", help="Confirm for the vehicle of this name, without asking.")
 @click.option("--accept", multiple=True, metavar="NAME", help="Accept that this failsafe is switched off (repeatable).")
+@click.option("--sortie", type=click.IntRange(min=1), help="Of a plan of several. [default: the first not done yet]")
+@click.option("--rest", is_flag=True, help="Only viewpoints without a picture from earlier flights.")
 @data_option
 @json_option
 def fly(
@@ -95,6 +112,8 @@ def fly(
     mode: str,
     vehicle_name: str | None,
     accept: tuple[str, ...],
+    sortie: int | None,
+    rest: bool,
     data_dir: Path | None,
     as_json: bool,
 ) -> None:
@@ -109,7 +128,17 @@ def fly(
 
     say: Callable[[str], None] = lambda line: click.echo(line, err=as_json)  # noqa: E731
     outcome: FlightOutcome = _run(
-        fly_plan(out, url, mode=mode, confirm=confirm, accept=accept, data_dir=data_dir, say=say)
+        fly_plan(
+            out,
+            url,
+            mode=mode,
+            confirm=confirm,
+            accept=accept,
+            data_dir=data_dir,
+            say=say,
+            sortie=sortie,
+            rest=rest,
+        )
     )
     if as_json:
         click.echo(json.dumps(outcome.as_json()))

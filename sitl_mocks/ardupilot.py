@@ -18,10 +18,11 @@ from sitl_mocks.ardupilot_parameters import ARDUPILOT_PARAMETERS
 from sitl_mocks.channel import Channel, Stream
 from sitl_mocks.commands import ACCEPTED, DENIED, FAILED, UNSUPPORTED, Command
 from sitl_mocks.dialect import Message, mavlink
-from sitl_mocks.flight_tasks import DescentProfile, Hold, Land, ReturnHome
+from sitl_mocks.flight_tasks import DescentProfile, Hold, Land, ReturnAlong, ReturnHome
 from sitl_mocks.mission_items import StoredItem
 from sitl_mocks.mission_server import MissionServer
 from sitl_mocks.parameters import ParameterServer
+from sitl_mocks.path_memory import PathMemory
 from sitl_mocks.scene_frame import e7
 from sitl_mocks.setpoints import Setpoint
 from sitl_mocks.vehicle import ACTIVE, CRITICAL, LOGIC_S, STANDBY, SimulatedVehicle
@@ -30,8 +31,8 @@ if TYPE_CHECKING:
     from sitl_mocks.picture import Exposure
 
 
-_WITHOUT_ARMING = {Mode.AUTO, Mode.RTL, Mode.LAND, Mode.BRAKE}
-_NEEDS_POSITION = {Mode.AUTO, Mode.GUIDED, Mode.LOITER, Mode.RTL, Mode.POSHOLD, Mode.BRAKE}
+_WITHOUT_ARMING = {Mode.AUTO, Mode.RTL, Mode.LAND, Mode.BRAKE, Mode.SMART_RTL}
+_NEEDS_POSITION = {Mode.AUTO, Mode.GUIDED, Mode.LOITER, Mode.RTL, Mode.POSHOLD, Mode.BRAKE, Mode.SMART_RTL}
 _STORAGE_AFTER_S = 0.5
 """Wall time until the mission storage has been opened (about 2 s on the real one)."""
 _HOME_BELOW_ORIGIN_M = 0.02
@@ -74,6 +75,7 @@ class ArduPilotVehicle(SimulatedVehicle):
         self._mission_started = False
         self._failsafes = ArduPilotFailsafes(self)
         self._timesync_s = 0.0
+        self._memory: PathMemory | None = None
         self.run = ArduPilotMissionRun(self)
 
     def _make_mission_server(self) -> MissionServer:
@@ -98,7 +100,7 @@ class ArduPilotVehicle(SimulatedVehicle):
         """HEARTBEAT with ArduPilot's flags."""
         flags = mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED | mavlink.MAV_MODE_FLAG_MANUAL_INPUT_ENABLED
         flags |= mavlink.MAV_MODE_FLAG_STABILIZE_ENABLED
-        if self.mode in {Mode.AUTO, Mode.GUIDED, Mode.RTL, Mode.LOITER, Mode.LAND}:
+        if self.mode in {Mode.AUTO, Mode.GUIDED, Mode.RTL, Mode.LOITER, Mode.LAND, Mode.SMART_RTL}:
             flags |= mavlink.MAV_MODE_FLAG_GUIDED_ENABLED
         if self.armed:
             flags |= mavlink.MAV_MODE_FLAG_SAFETY_ARMED
@@ -226,6 +228,9 @@ class ArduPilotVehicle(SimulatedVehicle):
         if mode is Mode.AUTO and self.run.total == 0:
             self.say_critical("Mode change to AUTO failed: init failed")
             return FAILED
+        if mode is Mode.SMART_RTL and not self.can_retrace:
+            self.say_critical("Mode change to SMART_RTL failed: init failed")
+            return FAILED
         self._failsafe = None
         self._enter(mode)
         return ACCEPTED
@@ -332,6 +337,7 @@ class ArduPilotVehicle(SimulatedVehicle):
         self._guided = None
         self._guided_idle = True
         self._mission_started = False
+        self._memory = PathMemory(self.home_m, self.parameters["SRTL_ACCURACY"], int(self.parameters["SRTL_POINTS"]))
         self.say_info("Arming motors")
         self.broadcast(self.telemetry.build(mavlink.MAVLINK_MSG_ID_HOME_POSITION))
 
@@ -368,8 +374,33 @@ class ArduPilotVehicle(SimulatedVehicle):
             self._land()
         elif mode is Mode.RTL:
             self.begin_return()
+        elif mode is Mode.SMART_RTL:
+            self._begin_retrace()
         else:
             self.flight.hold()
+
+    @property
+    def can_retrace(self) -> bool:
+        """Whether it remembers the path that it came."""
+        return self.armed and self._memory is not None and self._memory.usable
+
+    def _begin_retrace(self) -> None:
+        if self.flight.landed or self._memory is None:
+            self.disarm("Disarmed by landing")
+            return
+        way, loiter_s = self._memory.way_back(self.airframe.position_m), self.parameters["RTL_LOIT_TIME"] * 1e-3
+        self.flight.begin(ReturnAlong(self.airframe, self.base_limits(), self.descent(), way, loiter_s))
+
+    def _return_height_m(self) -> float:
+        """RTL's height above home: within a cone about home it climbs by 2.5 m only, slopes under 0.5 do not count."""
+        p = self.parameters
+        way = self.airframe.position_m - self.home_m
+        height = float(way[2])
+        target = max(p["RTL_ALT"] * 0.01, height + max(p["RTL_CLIMB_MIN"], 0.0) * 0.01)
+        if p["RTL_CONE_SLOPE"] >= 0.5:
+            cone = float(np.hypot(way[0], way[1])) * p["RTL_CONE_SLOPE"]
+            target = min(target, max(cone, height + 2.5))
+        return max(target, height)
 
     def _land(self) -> None:
         if self.flight.landed:
@@ -388,7 +419,7 @@ class ArduPilotVehicle(SimulatedVehicle):
                 self.base_limits(),
                 self.descent(),
                 self.home_m,
-                self.parameters["RTL_ALT"] * 0.01,
+                self._return_height_m(),
                 self.parameters["RTL_LOIT_TIME"] * 1e-3,
             )
         )
@@ -410,6 +441,8 @@ class ArduPilotVehicle(SimulatedVehicle):
             self.broadcast(mavlink.MAVLink_timesync_message(0, round(self.time_s * 1e9)))
         if not self.armed:
             return
+        if self.mode is not Mode.SMART_RTL and not self._remember():
+            self.say_critical("SmartRTL deactivated: buffer full")
         self._failsafes.tick()
         if self.mode is Mode.AUTO and self._mission_started and self.run.state == 3:
             self.run.tick(LOGIC_S)
@@ -417,6 +450,9 @@ class ArduPilotVehicle(SimulatedVehicle):
             self._watch_guided()
         elif self.flight.run(LOGIC_S) and self.flight.landed:
             self.disarm("Disarmed by landing")
+
+    def _remember(self) -> bool:
+        return self._memory is None or self._memory.watch(self.airframe.position_m, LOGIC_S)
 
     # Guided ----------------------------------------------------------------------------------------------------------
 

@@ -14,6 +14,11 @@ if TYPE_CHECKING:
 _CONTINUE_AUTO = 2
 """Bit of FS_OPTIONS: a mission goes on without a ground station."""
 
+_CONTINUE_PILOT = 16
+"""Bit of FS_OPTIONS: modes that are not the autopilot's own go on without a ground station."""
+
+_PILOT_MODES = {Mode.STABILIZE, Mode.ALT_HOLD, Mode.LOITER, Mode.POSHOLD, Mode.BRAKE}
+
 
 class ArduPilotFailsafes:
     """Watches over a flight.
@@ -41,14 +46,25 @@ class ArduPilotFailsafes:
         """No ground station was heard for FS_GCS_TIMEOUT of wall time."""
         vehicle, p = self._vehicle, self._vehicle.parameters
         action = int(p["FS_GCS_ENABLE"])
-        if not vehicle.in_air or action == 0 or vehicle.mode in {Mode.LAND, Mode.RTL}:
+        if not vehicle.in_air or action == 0 or vehicle.mode in {Mode.LAND, Mode.RTL, Mode.SMART_RTL}:
             return
         vehicle.say_critical("GCS Failsafe")
         goes_on = action == 2 or int(p["FS_OPTIONS"]) & _CONTINUE_AUTO
         if vehicle.mode is Mode.AUTO and goes_on:
             vehicle.say_info("GCS Failsafe - Continuing Auto Mode")
             return
-        vehicle.fail_to(Mode.LAND if action == 5 else Mode.RTL, "ground station loss")
+        if vehicle.mode in _PILOT_MODES and int(p["FS_OPTIONS"]) & _CONTINUE_PILOT:
+            vehicle.say_info("GCS Failsafe - Continuing Pilot Control")
+            return
+        vehicle.fail_to(self._mode({5: Mode.LAND, 7: Mode.BRAKE}, action), "ground station loss")
+
+    def _mode(self, choices: dict[int, Mode], action: int) -> Mode:
+        """The mode of a choice; 3 and 4 of all parameters fly back the way it came, if that is remembered."""
+        if action in {3, 4}:
+            if self._vehicle.can_retrace:
+                return Mode.SMART_RTL
+            return Mode.RTL if action == 3 else Mode.LAND
+        return choices.get(action, Mode.RTL)
 
     def _watch_battery(self) -> None:
         vehicle, p = self._vehicle, self._vehicle.parameters
@@ -60,7 +76,7 @@ class ArduPilotFailsafes:
         vehicle.say_critical(f"Battery 1 is {('low', 'critical')[stage - 1]}")
         action = int(p["BATT_FS_LOW_ACT" if stage == 1 else "BATT_FS_CRT_ACT"])
         if action:
-            vehicle.fail_to(Mode.LAND if action == 1 else Mode.RTL, "battery")
+            vehicle.fail_to(self._mode({1: Mode.LAND, 7: Mode.BRAKE}, action), "battery")
 
     def _watch_fence(self) -> None:
         vehicle, p = self._vehicle, self._vehicle.parameters

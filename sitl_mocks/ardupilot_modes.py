@@ -17,3 +17,4 @@ class Mode(IntEnum):
     LAND = 9
     POSHOLD = 16
     BRAKE = 17
+    SMART_RTL = 21

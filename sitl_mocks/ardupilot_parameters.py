@@ -26,7 +26,7 @@ ARDUPILOT_PARAMETERS: dict[str, tuple[float, int]] = {
     "FS_GCS_ENABLE": (1, INT8),  # return; 0 (off) on the real one
     # 5 s on the real one; a station that is started again within half a minute finds its vehicle still flying.
     "FS_GCS_TIMEOUT": (30.0, REAL32),
-    # Bits: 2 a mission goes on without a ground station, 16 pilot modes too; 16 on the real one.
+    # Bits: 2 a mission goes on without a ground station, 16 pilot modes (and BRAKE) too; 16 on the real one.
     "FS_OPTIONS": (18, INT32),
     "FS_THR_ENABLE": (1, INT8),
     "GUID_OPTIONS": (0, INT32),
@@ -47,6 +47,8 @@ ARDUPILOT_PARAMETERS: dict[str, tuple[float, int]] = {
     "RTL_CONE_SLOPE": (3.0, REAL32),
     "RTL_LOIT_TIME": (5000, INT32),
     "RTL_SPEED": (0, INT16),
+    "SRTL_ACCURACY": (2.0, REAL32),
+    "SRTL_POINTS": (300, INT16),
     "SYSID_MYGCS": (255, INT16),
     "SYSID_THISMAV": (1, INT16),
     "WPNAV_ACCEL": (400.0, REAL32),  # 250 on the real one

@@ -8,7 +8,7 @@ from collections.abc import Callable
 import numpy as np
 
 from sitl_mocks.airframe import Airframe, FlightLimits
-from sitl_mocks.flight_tasks import FlightTask, GoTo, Hold, Land, ReturnHome, Sink, TakeOff
+from sitl_mocks.flight_tasks import FlightTask, GoTo, Hold, Land, ReturnAlong, ReturnHome, Sink, TakeOff
 from sitl_mocks.scene_frame import Array
 
 ON_GROUND, IN_AIR, TAKING_OFF, LANDING = 1, 2, 3, 4
@@ -101,7 +101,7 @@ class FlightControl:
         """Go on with the present task; True when it has just been done."""
         if self.task is None or not self.task.tick(dt_s):
             return False
-        if isinstance(self.task, Land | ReturnHome | Sink):
+        if isinstance(self.task, Land | ReturnAlong | ReturnHome | Sink):
             self.landed = True
             self._airframe.cut_motors()
         self._taking_off = False

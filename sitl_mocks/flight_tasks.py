@@ -142,7 +142,22 @@ class Land:
         self._airframe.go_to(np.array([x, y, self._airframe.ground_m - _UNDERGROUND_M]))
 
 
-class ReturnHome:
+class Stages:
+    """One task after the other; they are in `_stages`, of which the first has begun."""
+
+    _stages: list[FlightTask]
+
+    def tick(self, dt_s: float) -> bool:
+        """Whether the last one is done."""
+        if self._stages[0].tick(dt_s):
+            if len(self._stages) == 1:
+                return True
+            self._stages.pop(0)
+            self._stages[0].begin()
+        return False
+
+
+class ReturnHome(Stages):
     """Climb straight up, fly straight to above home, come down.
 
     Args:
@@ -181,14 +196,44 @@ class ReturnHome:
         self._stages = [climb, GoTo(self._airframe, home, facing), Pause(self._loiter_s), self._land]
         self._stages[0].begin()
 
+
+class ReturnAlong(Stages):
+    """Fly to one point after the other, and land at the last.
+
+    Args:
+        airframe: of the vehicle.
+        limits: of the autopilot.
+        descent: how fast to come down.
+        way_m: points, scene ENU; the last is home on the ground.
+        loiter_s: how long to wait above home before the descent.
+    """
+
+    ABOVE_HOME_M = 2.0
+
+    def __init__(
+        self, airframe: Airframe, limits: FlightLimits, descent: DescentProfile, way_m: list[Array], loiter_s: float
+    ) -> None:
+        home = way_m[-1]
+        points = [*way_m[:-1], home + np.array([0.0, 0.0, self.ABOVE_HOME_M])]
+        self._stages: list[FlightTask] = [
+            Brake(airframe),
+            *(GoTo(airframe, point) for point in points),
+            Pause(loiter_s),
+            Land(airframe, limits, descent),
+        ]
+
+    def begin(self) -> None:
+        """Brake."""
+        self._stages[0].begin()
+
+
+class Brake(Hold):
+    """Brake until it stands still."""
+
     def tick(self, dt_s: float) -> bool:
-        """Whether it stands on the ground at home."""
-        if self._stages[0].tick(dt_s):
-            if len(self._stages) == 1:
-                return True
-            self._stages.pop(0)
-            self._stages[0].begin()
-        return False
+        """Whether it does."""
+        del dt_s
+        return bool(np.linalg.norm(self._airframe.reference_velocity_m_s) < ARRIVED_M_S)
 
 
 class Pause:

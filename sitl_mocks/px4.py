@@ -348,14 +348,18 @@ class Px4Vehicle(SimulatedVehicle):
             self.disarm("Disarmed by landing")
             return
         self.flight.begin(
-            ReturnHome(
-                self.airframe,
-                self.base_limits(),
-                self.descent(),
-                self.home_m,
-                self.parameters["RTL_RETURN_ALT"],
-            )
+            ReturnHome(self.airframe, self.base_limits(), self.descent(), self.home_m, self._return_height_m())
         )
+
+    def _return_height_m(self) -> float:
+        """Within RTL_MIN_DIST of home it climbs no higher than a cone of half angle RTL_CONE_ANG."""
+        p = self.parameters
+        height, aside = p["RTL_RETURN_ALT"], float(np.hypot(*(self.airframe.position_m - self.home_m)[:2]))
+        angle = p["RTL_CONE_ANG"]
+        if angle <= 0.0 or aside > p["RTL_MIN_DIST"]:
+            return height
+        cone = 0.0 if angle >= 90.0 else aside / math.tan(math.radians(angle))
+        return min(height, max(cone, 2.0 * p["NAV_ACC_RAD"]))
 
     def return_from_mission(self) -> None:
         """A return item is, as on the real one, a change to the return mode."""

@@ -13,6 +13,8 @@ if TYPE_CHECKING:
     from sitl_mocks.px4 import Px4Vehicle
 
 STATION_LOSS = "ground station loss"
+_EXCEPTIONS = {Mode.MISSION: 1, Mode.LOITER: 2, Mode.TAKEOFF: 2, Mode.OFFBOARD: 4}
+"""Bits of COM_DLL_EXCEPT by mode."""
 
 
 class Px4Failsafes:
@@ -38,7 +40,8 @@ class Px4Failsafes:
     def station_lost(self) -> None:
         """No ground station was heard for COM_DL_LOSS_T of wall time."""
         vehicle = self._vehicle
-        if vehicle.in_air and int(vehicle.parameters["NAV_DLL_ACT"]) > 0:
+        exempt = _EXCEPTIONS.get(vehicle.mode, 0) & int(vehicle.parameters["COM_DLL_EXCEPT"])
+        if vehicle.in_air and int(vehicle.parameters["NAV_DLL_ACT"]) > 0 and not exempt:
             self._station_lost_s = vehicle.wall_s
 
     def tick(self) -> None:

@@ -22,6 +22,7 @@ PX4_PARAMETERS: dict[str, tuple[float, int]] = {
     "COM_DL_LOSS_T": (30, INT32),
     "COM_FAIL_ACT_T": (5.0, REAL32),
     "COM_DISARM_LAND": (2.0, REAL32),
+    "COM_DLL_EXCEPT": (0, INT32),
     "COM_FLTMODE1": (-1, INT32),
     "COM_LOW_BAT_ACT": (3, INT32),  # return when critical, land when empty; 0 (a warning) on the real one
     "COM_RCL_EXCEPT": (0, INT32),
@@ -59,8 +60,10 @@ PX4_PARAMETERS: dict[str, tuple[float, int]] = {
     "NAV_DLL_ACT": (2, INT32),  # return; 0 (off) on the real one
     "NAV_MC_ALT_RAD": (0.8, REAL32),
     "NAV_RCL_ACT": (2, INT32),
+    "RTL_CONE_ANG": (45, INT32),
     "RTL_DESCEND_ALT": (30.0, REAL32),
     "RTL_LAND_DELAY": (0.0, REAL32),
+    "RTL_MIN_DIST": (10.0, REAL32),
     "RTL_RETURN_ALT": (30.0, REAL32),
     "RTL_TYPE": (0, INT32),
     "SYS_AUTOSTART": (4001, INT32),

@@ -5,10 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from gcs.core.plan import Certificates, Plan, SurfaceCoverage, Viewpoint
+from gcs.core.plan import Certificates, Plan, Viewpoint
 from gcs.core.scenario import parse_scenario
 from gcs.core.structure import Structure
 from gcs.core.structure_source import Cable
+from gcs.core.surface_coverage import SurfaceCoverage
 from gcs.core.trajectory import AngleProfile, PiecewisePolynomial
 
 REST_TO_REST = np.array([0, 0, 0, 0, 35, -84, 70, -20], dtype=float)
@@ -147,10 +148,10 @@ def small_plan(scenario_data, small_structure):
         yaw=AngleProfile(np.array([0.0, 6.0, 11.0]), np.array([0.5, 0.5, 0.0])),
         gimbal_pitch=AngleProfile(np.array([0.0, 22.0]), np.array([0.0, 0.0])),
         coverage=SurfaceCoverage(
-            points_m=np.arange(18.0).reshape(6, 3),
-            normals=np.tile([0.0, 0, 1], (6, 1)),
-            seen=np.array([1, 1, 1, 0, 0, 0], dtype=bool),
-            coverable=np.array([1, 1, 1, 1, 0, 0], dtype=bool),
+            points_m=np.tile(np.arange(9.0).reshape(3, 3), (2, 1)),
+            normals=np.repeat([[0.0, 0, 1], [0.0, 0, -1]], 3, axis=0),
+            verdicts=np.array([0, 0, 0, 1, 9, 10], dtype=np.uint8),
+            area_m2=600.0,
         ),
         certificates=certificates,
         stages_s={"viewpoints": 0.1, "tour": 0.2},

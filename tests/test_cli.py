@@ -192,6 +192,7 @@ def test_what_was_left_out_of_a_mesh_is_said(plan_of, tmp_path):
         (at("home_m", [-12, -12, -5]), ("home_m", "below the ground")),
         (at("fence", {"include": [[[-5, -5], [5, -5], [5, 5], [-5, 5]]]}), ("home_m", "outside the fence")),
         (at("fence", {"max_height_m": 3}), ("home_m", "blocked")),
+        (point(position_m=[0.0, 0.0, 5.0]), ("inspection.points.W", "lies 2.00 m from any surface")),
     ],
 )
 def test_bad_input_names_its_field(plan_of, change, words):
@@ -241,12 +242,15 @@ def closed_in(scenario):
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        (point(gsd_mm=0.3), ("inspection.points.W", "the best it can have is 0.90 mm")),
+        (point(gsd_mm=0.3), ("inspection.points.W", "the best it can have is 0.67 mm")),
         (
             at("inspection", {"surface": {"gsd_mm": 0.3}}),
-            ("inspection.surface.gsd_mm", "the best it can have is 0.90 mm"),
+            ("inspection.surface.gsd_mm", "the best it can have is 0.66 mm"),
         ),
-        (point(position_m=[0.0, 0.0, 5.0]), ("inspection.points.W", "inside the structure")),
+        (
+            point(normal=[1.0, 0.0, 0.0]),
+            ("inspection.points.W", "inside the structure"),
+        ),
         (closed_in, ("inspection.points.W", "no way leads there from home")),
         (
             at("fence", {"include": [[[-20, -20], [-8, -20], [-8, 20], [-20, 20]]]}),

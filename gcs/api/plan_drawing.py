@@ -10,11 +10,13 @@ import numpy as np
 from gcs.api.schemas.base import Box
 from gcs.api.schemas.plans import CoverageSamples, PlanDetail, PlanReport, TrajectorySamples, ViewpointInfo
 from gcs.api.views import cable_line, geo_position, point3
+from gcs.core.surface_coverage import Verdict
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from gcs.core.plan import Plan, SurfaceCoverage
+    from gcs.core.plan import Plan
+    from gcs.core.surface_coverage import SurfaceCoverage
     from gcs.storage.records import PlanRecord
 
 SAMPLE_STEP_S = 0.2
@@ -87,5 +89,6 @@ def _coverage(coverage: SurfaceCoverage) -> CoverageSamples:
         normals=_points(coverage.normals[chosen]),
         seen=coverage.seen[chosen].tolist(),
         coverable=coverage.coverable[chosen].tolist(),
+        verdicts=[Verdict(v).label for v in coverage.verdicts[chosen].tolist()],
         samples=total,
     )

@@ -5,14 +5,15 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 if TYPE_CHECKING:
+    import numpy as np
     from numpy.typing import NDArray
 
     from gcs.core.scenario import Scenario
     from gcs.core.structure_source import Cable
+    from gcs.core.surface_coverage import SurfaceCoverage
     from gcs.core.trajectory import AngleProfile, PiecewisePolynomial
+    from gcs.core.way_home import OwnAction
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,6 +71,69 @@ class Certificates:
     """Largest motion blur of a picture at its focus; None when the camera's exposure is not known."""
     max_skew_px: float | None = None
     """Largest rolling-shutter skew of a picture at its focus; None when the camera's readout is not known."""
+    viewpoints_lower_bound: float | None = None
+    """No choice from the same candidates that covers as much has fewer; None when no surface was asked for."""
+    viewpoints_bound_solved: bool | None = None
+    """Whether that is the best bound of its kind to 0.2 %; otherwise a longer search might raise it."""
+    surface_m2: float | None = None
+    """Area of the surface that was asked for, both sides."""
+    coverage_samples: int | None = None
+    """Sides that the shares of coverage are taken from."""
+    not_covered_m2: dict[str, float] | None = None
+    """Area of the sides that are not seen, by what is in the way (`gcs.core.surface_coverage.Verdict`)."""
+
+
+@dataclass(frozen=True)
+class OwnWays:
+    """What the vehicle can safely do by itself along a plan (safety rule 7). Intervals are of plan time (from, to).
+
+    Attributes:
+        action: what is safe from everywhere: return, else landing, else flying back the way it came, else only going
+            on with the mission.
+        return_altitude_m: height above home at which its own return is clear from wherever it can be; None when home
+            itself is under something.
+        return_blocked_s: from when to when a return at that altitude would come too near to something.
+        landing_blocked_s: the same for landing on the spot.
+        hold_blocked_s: the same for braking to a hold.
+        retrace_accuracy_m: the least accurate memory of the flown path with which flying back along it is clear; 0
+            when none is accurate enough.
+        retrace_points: points that such a memory needs.
+        rally_blocked_s: from when to when a return at `rally_altitude_m` would hit if the vehicle knew the scenario's
+            rally points and returned to the nearest of them and home; None without rally points.
+        rally_altitude_m: like `return_altitude_m`.
+    """
+
+    action: OwnAction
+    return_altitude_m: float | None
+    return_blocked_s: tuple[tuple[float, float], ...]
+    landing_blocked_s: tuple[tuple[float, float], ...]
+    hold_blocked_s: tuple[tuple[float, float], ...]
+    retrace_accuracy_m: float
+    retrace_points: int
+    rally_blocked_s: tuple[tuple[float, float], ...] | None = None
+    rally_altitude_m: float | None = None
+
+
+@dataclass(frozen=True)
+class Sortie:
+    """One of several flights on one battery each; between them the vehicle stands at home.
+
+    Attributes:
+        viewpoints: ids of its viewpoints, in visiting order.
+        start_s: take-off on the time of the whole plan.
+        end_s: landing.
+        energy_wh: what it takes from its battery.
+    """
+
+    viewpoints: tuple[int, ...]
+    start_s: float
+    end_s: float
+    energy_wh: float
+
+    @property
+    def duration_s(self) -> float:
+        """From take-off to landing (s)."""
+        return self.end_s - self.start_s
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,6 +154,10 @@ class Plan:
         certificates: what was proved.
         stages_s: seconds each stage of planning took.
         faces: how the cells of the faces are seen, in the scenario's order.
+        own_ways: what the vehicle can safely do by itself; None when that was not looked at.
+        sorties: the flights, when one battery is not enough for all; empty when it is one flight.
+        parts: each sortie as a complete plan of its own, on its own time; empty in a plan that was read, whose folder
+            has them.
     """
 
     scenario: Scenario
@@ -105,33 +173,9 @@ class Plan:
     certificates: Certificates
     stages_s: dict[str, float]
     faces: tuple[FaceCoverage, ...] = ()
-
-
-@dataclass(frozen=True, eq=False)
-class SurfaceCoverage:
-    """How well the sampled sides of the surface are seen.
-
-    Attributes:
-        points_m: sample points, shape (N, 3).
-        normals: the side of each sample, unit, shape (N, 3).
-        seen: shape (N,) bool.
-        coverable: shape (N,) bool; every seen one is coverable.
-    """
-
-    points_m: NDArray[np.float64]
-    normals: NDArray[np.float64]
-    seen: NDArray[np.bool_]
-    coverable: NDArray[np.bool_]
-
-    @property
-    def share_seen(self) -> float:
-        """Seen share of what is coverable; 1 when nothing is."""
-        return float(self.seen.sum() / max(int(self.coverable.sum()), 1))
-
-    @property
-    def share_coverable(self) -> float:
-        """Coverable share of all sampled sides."""
-        return float(self.coverable.mean())
+    own_ways: OwnWays | None = None
+    sorties: tuple[Sortie, ...] = ()
+    parts: tuple[Plan, ...] = ()
 
 
 @dataclass(frozen=True)

@@ -16,6 +16,7 @@ from gcs.core.errors import InputError
 from gcs.core.fields import Finite, NonNegative, Point2, Point3, Positive, Strict
 from gcs.core.frames import GeoPoint
 from gcs.core.inspection import Inspection
+from gcs.core.rotors import Rotors
 from gcs.core.structure_source import StructureSource
 
 
@@ -39,11 +40,17 @@ class Battery(Strict):
     reserve: Annotated[float, Field(ge=0, lt=1)] = 0.25
 
 
+MOST_VEHICLES = 10
+
+
 class VehicleSpec(Strict):
     """What the vehicle is and can do.
 
     `hover_speed_m_s` is how fast it drifts while it holds a position; pictures must be sharp at that speed. A drift of
     0.1 m to and fro in six seconds, as position control keeps in a light wind, is 0.1 m/s at its fastest.
+    `rotors` and `drag_area_m2` are as usual for the mass where they are not given; `avionics_w` is what electronics and
+    payload take. `count` vehicles share the work; the first stands at home_m, the others on `pads_m`, or in a row
+    beside it.
     """
 
     radius_m: Positive = 0.5
@@ -52,25 +59,40 @@ class VehicleSpec(Strict):
     max_jerk_m_s3: Positive | None = None
     hover_speed_m_s: NonNegative = 0.1
     mass_kg: Positive = 3.0
+    rotors: Rotors | None = None
+    drag_area_m2: NonNegative | None = None
+    avionics_w: NonNegative = 10.0
     battery: Battery | None = None
-    count: Annotated[int, Field(ge=1)] = 1
+    count: Annotated[int, Field(ge=1, le=MOST_VEHICLES)] = 1
+    pads_m: tuple[Point3, ...] = ()
 
-    @field_validator("count")
-    @classmethod
-    def _one_for_now(cls, count: int) -> int:
-        if count != 1:
-            raise ValueError("sharing the work between vehicles is not part of this version: use 1")
-        return count
+    @model_validator(mode="after")
+    def _a_pad_each(self) -> Self:
+        if self.pads_m and len(self.pads_m) != self.count - 1:
+            raise ValueError(
+                f"pads_m has {len(self.pads_m)} pads, and {self.count - 1} are needed: one for each vehicle but the "
+                "first, which stands at home_m"
+            )
+        return self
 
 
 class Safety(Strict):
-    """The error budget: all of it is kept between hull and surface."""
+    """The error budget: all of it is kept between hull and surface.
+
+    `separation_m` is kept between the centres of two vehicles, the tracking and position errors of both on top.
+    """
 
     clearance_m: NonNegative = 1.0
     tracking_m: NonNegative = 0.5
     position_m: NonNegative = 0.3
     model_m: NonNegative = 0.1
     corridor_half_width_m: Positive = 0.5
+    separation_m: Positive = 5.0
+
+    @property
+    def apart_m(self) -> float:
+        """Distance kept between the planned curves of two vehicles' centres."""
+        return self.separation_m + 2 * (self.tracking_m + self.position_m)
 
     @property
     def hull_clearance_m(self) -> float:
@@ -121,15 +143,8 @@ class Scenario(Strict):
     @model_validator(mode="after")
     def _inspection_unless_sample(self) -> Self:
         if self.inspection is None and self.structure.sample is None:
-            raise ValueError("inspection is missing: name at least one of surface and points")
+            raise ValueError("inspection is missing: name at least one of surface, points and faces")
         return self
-
-    @field_validator("rally_m")
-    @classmethod
-    def _no_rally_yet(cls, rally: tuple[Point3, ...]) -> tuple[Point3, ...]:
-        if rally:
-            raise ValueError("rally points are not part of this version: leave them out")
-        return rally
 
     @property
     def centre_clearance_m(self) -> float:

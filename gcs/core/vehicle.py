@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from enum import Enum
 from typing import TYPE_CHECKING, Generic, TypeVar
 
@@ -12,6 +13,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from gcs.core.frames import GeoPoint
+    from gcs.core.way_home import OwnAction, RetraceMemory, ReturnFlight
 
 
 T = TypeVar("T")
@@ -148,6 +150,8 @@ class VehicleLimits:
     Attributes:
         offboard_timeout_s: how long it flies on at the last velocity when setpoints stop.
         return_altitude_m: height above home of its own return.
+        return_flight: how its own return flies.
+        retrace: how it remembers the path that it came; None when it cannot fly back along it.
     """
 
     max_speed_m_s: float | None
@@ -156,6 +160,8 @@ class VehicleLimits:
     max_acceleration_m_s2: float | None
     offboard_timeout_s: float | None
     return_altitude_m: float | None
+    return_flight: ReturnFlight | None = None
+    retrace: RetraceMemory | None = None
 
 
 @dataclass(frozen=True)
@@ -168,6 +174,9 @@ class Failsafe:
         value: the parameter's value; None when the vehicle did not tell.
         active: whether it will do something; None when unknown.
         effect: what it does, in plain words.
+        actions: what it makes the vehicle do, by the mode it flies in (MISSION, OFFBOARD, HOLD); a mode that is not in
+            it has nothing to fear from this one, or it is not known.
+        settings: what to set so that it does something else: action -> parameters and values, in words.
     """
 
     name: str
@@ -175,6 +184,8 @@ class Failsafe:
     value: float | None
     active: bool | None
     effect: str
+    actions: Mapping[FlightMode, OwnAction] = field(default_factory=dict)
+    settings: Mapping[OwnAction, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)

@@ -99,6 +99,18 @@ class VehicleFlight(VehicleTransfers):
         """Have it fly its own return."""
         await self.set_mode(FlightMode.RETURN)
 
+    async def retrace(self) -> None:
+        """Have it fly home along the path that it came, where the stack can.
+
+        Raises:
+            RefusedError: it has no such mode, or refuses it.
+        """
+        number = self._stack.retrace_mode()
+        if number is None:
+            stack = self.identity.autopilot.value
+            raise RefusedError(f"{stack} has no mode that flies back the way it came", field=self.identity.name)
+        await self._fly("fly back the way it came", lambda control: control.switch_mode(number))
+
     async def land(self) -> None:
         """Land where it is."""
         await self.set_mode(FlightMode.LAND)

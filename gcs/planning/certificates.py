@@ -25,9 +25,10 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from gcs.core.plan import Plan, SurfaceCoverage, Viewpoint
+    from gcs.core.plan import Plan, Viewpoint
     from gcs.core.progress import Progress
     from gcs.core.scenario import Scenario
+    from gcs.core.surface_coverage import SurfaceCoverage
     from gcs.planning.point_distance import SceneDistance
 
 VIEWPOINT_MISS_M = 0.05
@@ -199,6 +200,9 @@ def certify(
         open_sky=open_sky,
         max_blur_px=sharpness.max_blur_px,
         max_skew_px=sharpness.max_skew_px,
+        surface_m2=None if coverage is None else coverage.area_m2,
+        coverage_samples=None if coverage is None else len(coverage.verdicts),
+        not_covered_m2=None if coverage is None else coverage.not_covered_m2(),
     )
 
 

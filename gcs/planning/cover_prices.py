@@ -1,10 +1,11 @@
 """Prices of targets: what proves that a cover needs many sets, found by a first-order method.
 
 Give every target a price so that no set's targets cost more than 1 together. Whoever covers targets of weight W with n
-sets has bought, at no more than 1 a set, targets that cost at least as much as the W cheapest: so n is at least that.
+sets has bought, at no more than 1 a set, targets that cost at least as much as the cheapest ones of weight W: so n is
+at least that.
 Any prices will do; the best ones are the dual solution of the linear relaxation
 
-    min sum x_c   such that   sum of x_c over the sets of t >= y_t,   sum y_t >= W,   x >= 0,   0 <= y <= 1
+    min sum x_c   such that   sum of x_c over the sets of t >= y_t,   sum w_t y_t >= W,   x >= 0,   0 <= y <= 1
 
 and are approached by the primal-dual hybrid gradient method (Chambolle and Pock 2011, with the diagonal step sizes of
 Pock and Chambolle 2011, restarts from the average and the balance of step sizes of Applegate et al. 2021).
@@ -13,9 +14,8 @@ Pock and Chambolle 2011, restarts from the average and the balance of step sizes
 from __future__ import annotations
 
 import math
-import time
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -36,27 +36,38 @@ MOST_ROUND = 400
 CHUNK = 10
 """Iterations between two looks at the clock."""
 
-NEAR = 0.6
+NEAR = 0.8
 """Sets whose targets cost less than this are left out of the iterations until the next round."""
 
+SLOW, SLOW_ROUNDS = 0.7, 3
+"""It hardly gets any further when so many rounds leave more than this of the gap."""
+
 FIRST_BALANCE = 4.0
+ROUNDING = 1e-12
+HAIR = 1e-9
+BISECTIONS = 50
+MOST_SCALE = 1e6
+RAISED = 1.5
+"""Prices are raised up to this many times the dearest that counts."""
 
 
 @dataclass(frozen=True, eq=False)
 class Incidence:
-    """Which set holds which target, in both directions.
+    """Which set holds which target, in both directions, and how much each target counts.
 
     Attributes:
         starts: where each set's targets begin in `members`, shape (C + 1,).
         members: targets of each set, shape (Z,).
         set_starts: where each target's sets begin in `sets`, shape (T + 1,).
         sets: sets of each target, shape (Z,).
+        weights: of the targets, positive, shape (T,).
     """
 
     starts: NDArray[np.int64]
     members: NDArray[np.int32]
     set_starts: NDArray[np.int64]
     sets: NDArray[np.int32]
+    weights: NDArray[np.float64]
 
     @property
     def set_count(self) -> int:
@@ -83,23 +94,33 @@ class Incidence:
         return starts, members
 
 
-def incidence(starts: NDArray[np.int64], members: NDArray[np.int32], targets: int) -> Incidence:
+def incidence(starts: NDArray[np.int64], members: NDArray[np.int32], weights: NDArray[np.float64]) -> Incidence:
     """Both directions of a membership that is given by its sets."""
-    counts = np.bincount(members, minlength=targets)
+    counts = np.bincount(members, minlength=len(weights))
     set_starts = np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)
     sets = np.empty(len(members), dtype=np.int32)
     _transpose(starts, members, set_starts[:-1].copy(), sets)
-    return Incidence(starts, members, set_starts, sets)
+    return Incidence(starts, members, set_starts, sets, weights)
 
 
-def proven_bound(prices: NDArray[np.float64], wanted: int) -> float:
-    """The bound that feasible prices prove: the sum of the cheapest `wanted` ones."""
+def proven_bound(problem: Incidence, prices: NDArray[np.float64], wanted: float) -> float:
+    """What feasible prices prove: that of the cheapest targets of weight `wanted`, less what rounding may have added."""
     if wanted <= 0:
         return 0.0
-    return float(np.partition(prices, wanted - 1)[:wanted].sum())
+    order, last = _cheapest(problem, prices, wanted)
+    whole, part = order[:last], order[last]
+    rest = wanted - float(problem.weights[whole].sum())
+    return (float(prices[whole].sum()) + rest * float(prices[part] / problem.weights[part])) * (1 - ROUNDING)
 
 
-def feasible_prices(problem: Incidence, prices: NDArray[np.float64], wanted: int) -> NDArray[np.float64]:
+def _cheapest(problem: Incidence, prices: NDArray[np.float64], wanted: float) -> tuple[NDArray[np.int64], int]:
+    """Targets by their price for a unit of weight, and which of these completes the weight that is wanted."""
+    order = np.argsort(prices / problem.weights, kind="stable")
+    reached = np.cumsum(problem.weights[order])
+    return order, min(int(np.searchsorted(reached, wanted - HAIR)), len(order) - 1)
+
+
+def feasible_prices(problem: Incidence, prices: NDArray[np.float64], wanted: float) -> NDArray[np.float64]:
     """Prices near the given ones that no set's targets exceed 1 with.
 
     A target's price is divided by the largest cost over 1 of its sets: that is enough for each of them. Then prices
@@ -108,103 +129,152 @@ def feasible_prices(problem: Incidence, prices: NDArray[np.float64], wanted: int
     Args:
         problem: the membership.
         prices: any, shape (T,), not negative.
-        wanted: how many targets have to be covered.
+        wanted: weight that has to be covered.
     """
     costs = problem.costs(prices)
     result = prices.copy()
     _lower(problem.set_starts, problem.sets, costs, result)
     costs = problem.costs(result)
-    # rounding: sums of a different order may be off by a few ulps
-    highest = float(np.partition(result, wanted - 1)[wanted - 1]) if wanted > 0 else 0.0
-    _raise(problem.set_starts, problem.sets, np.argsort(result, kind="stable"), 1.5 * highest, costs, result)
+    order, last = _cheapest(problem, result, wanted)
+    highest = RAISED * float(result[order[last]] / problem.weights[order[last]])
+    _raise(problem.set_starts, problem.sets, order, highest * problem.weights, costs, result)
     return result / max(1.0, float(problem.costs(result).max(initial=0.0)))
+
+
+def relaxed_views(problem: Incidence, x: NDArray[np.float64], wanted: float) -> float:
+    """Views of the solution of the relaxation that some parts of views are a multiple of: an upper bound of its value.
+
+    Args:
+        problem: the membership.
+        x: parts of views, not negative, shape (C,).
+        wanted: weight that has to be covered.
+    """
+    covered = np.zeros(problem.targets)
+    _cover(problem.starts, problem.members, x, covered)
+    if problem.weights[covered > 0].sum() < wanted - HAIR:
+        return math.inf
+    low, high = 0.0, 1.0
+    while problem.weights @ np.minimum(high * covered, 1.0) < wanted - HAIR:
+        low, high = high, 2 * high
+        if high > MOST_SCALE:
+            return math.inf
+    for _ in range(BISECTIONS):
+        middle = (low + high) / 2
+        if problem.weights @ np.minimum(middle * covered, 1.0) < wanted - HAIR:
+            low = middle
+        else:
+            high = middle
+    return high * float(x.sum())
+
+
+@dataclass(frozen=True, eq=False)
+class PricedCover:
+    """Near-optimal prices and parts of views.
+
+    Attributes:
+        prices: feasible, shape (T,).
+        x: parts of views that go with them, shape (C,).
+        bound: what the prices prove.
+        relaxation: value of a solution of the relaxation; never below the bound.
+    """
+
+    prices: NDArray[np.float64]
+    x: NDArray[np.float64]
+    bound: float
+    relaxation: float
+
+    @property
+    def gap(self) -> float:
+        """Share of the relaxation's value that is not proven."""
+        return 1 - self.bound / self.relaxation
 
 
 def approach_prices(
     problem: Incidence,
-    wanted: int,
+    wanted: float,
     first: NDArray[np.int64],
-    keep_on: Callable[[float], bool],
+    keep_on: Callable[[], bool],
     *,
-    rounds: int,
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    gap: float,
+    patient: Callable[[PricedCover], bool],
+) -> PricedCover:
     """Approach the best prices.
 
     Args:
         problem: the membership; every target is in a set.
-        wanted: how many targets have to be covered, over 0.
+        wanted: weight that has to be covered, over 0.
         first: sets of a known cover.
-        keep_on: asked with the bound so far, at least every few iterations; False ends the search.
-        rounds: how many restarts at most.
-
-    Returns:
-        Feasible prices, shape (T,), and the solution x that goes with them, shape (C,).
+        keep_on: asked every few iterations; False ends the search.
+        gap: it also ends when what is not proven is at most this share.
+        patient: asked with what is known, when it hardly gets any further, whether to go on all the same.
     """
     degree = np.diff(problem.set_starts).astype(np.float64)
     sizes = np.diff(problem.starts).astype(np.float64)
     start = 1.0 / np.maximum(degree, 1.0)
-    best = feasible_prices(problem, start / float(problem.costs(start).max(initial=1e-300)), wanted)
-    bound = proven_bound(best, wanted)
+    prices = feasible_prices(problem, start / float(problem.costs(start).max(initial=1e-300)), wanted)
     x = np.zeros(problem.set_count)
     x[first] = 1.0
-    y = np.full(problem.targets, wanted / problem.targets)
-    prices, costs, balance = best.copy(), problem.costs(best), FIRST_BALANCE
-    length = float(FIRST_ROUND)
-    for round_ in range(rounds):
-        active = np.flatnonzero((costs > NEAR) | (x > 0)) if round_ else np.arange(problem.set_count)
+    best = PricedCover(prices, x, proven_bound(problem, prices, wanted), relaxed_views(problem, x, wanted))
+    y = np.full(problem.targets, wanted / float(problem.weights.sum()))
+    costs, balance, length = problem.costs(prices), FIRST_BALANCE, float(FIRST_ROUND)
+    gaps = [best.gap]
+    while best.gap > gap:
+        slow = len(gaps) > SLOW_ROUNDS and gaps[-1] > SLOW * gaps[-1 - SLOW_ROUNDS]
+        if slow and not patient(best):
+            return best
+        threshold = NEAR * min(1.0, float(costs.max()))
+        active = np.flatnonzero((costs > threshold) | (x > 0)) if len(gaps) > 1 else np.arange(problem.set_count)
         starts, members = problem.only(active)
         active_degree = np.bincount(members, minlength=problem.targets).astype(np.float64)
-        state = _State(x[active], y, prices)
+        last = _State(x[active], y.copy(), prices.copy())
         mean = _State(np.zeros(len(active)), np.zeros(len(y)), np.zeros(len(y)))
+        x_step, price_step = balance / np.maximum(sizes[active], 1.0), 1.0 / (balance * (active_degree + 1.0))
         steps = math.ceil(length)
         for done in range(0, steps, CHUNK):
-            if not keep_on(bound):
-                return best, x
-            _iterate(
-                starts,
-                members,
-                balance / np.maximum(sizes[active], 1.0),
-                balance,
-                1.0 / (balance * (active_degree + 1.0)),
-                float(wanted),
-                min(CHUNK, steps - done),
-                state.x,
-                state.y,
-                state.prices,
-                mean.x,
-                mean.y,
-                mean.prices,
-            )
-        for part in (mean.x, mean.y, mean.prices):
-            part /= steps
-        moved = math.sqrt(
-            float((sizes[active] * (mean.x - x[active]) ** 2).sum() + ((mean.y - y) ** 2).sum())
-        )
-        priced = math.sqrt(float(((active_degree + 1.0) * (mean.prices - prices) ** 2).sum()))
-        if moved > 0 and priced > 0:
-            balance = math.exp(0.5 * math.log(moved / priced) + 0.5 * math.log(balance))
+            if not keep_on():
+                return best
+            count = min(CHUNK, steps - done)
+            _iterate(starts, members, problem.weights, x_step, balance, price_step, float(wanted), count, *last, *mean)
+        mean = _State(mean.x / steps, mean.y / steps, mean.prices / steps)
+        balance = _balanced(balance, mean, _State(x[active], y, prices), sizes[active], active_degree)
         x = np.zeros(problem.set_count)
-        x[active], y, prices = mean.x, mean.y, mean.prices
+        x[active], y, prices = mean
         costs = problem.costs(prices)
-        for candidate in (prices, state.prices):
-            repaired = feasible_prices(problem, candidate, wanted)
-            found = proven_bound(repaired, wanted)
-            if found > bound:
-                best, bound = repaired, found
+        best = _better(best, problem, prices, x, wanted)
+        latest = np.zeros(problem.set_count)
+        latest[active] = last.x
+        best = _better(best, problem, last.prices, latest, wanted)
+        gaps.append(best.gap)
         length = min(length * ROUND_GROWTH, MOST_ROUND)
-    return best, x
+    return best
 
 
-@dataclass(frozen=True, eq=False)
-class _State:
+def _better(
+    best: PricedCover, problem: Incidence, prices: NDArray[np.float64], x: NDArray[np.float64], wanted: float
+) -> PricedCover:
+    """The better prices and the better parts of views of what is known and what was found."""
+    repaired = feasible_prices(problem, prices, wanted)
+    bound, relaxation = proven_bound(problem, repaired, wanted), relaxed_views(problem, x, wanted)
+    if bound > best.bound:
+        best = replace(best, prices=repaired, bound=bound)
+    if relaxation < best.relaxation:
+        best = replace(best, x=x, relaxation=relaxation)
+    return best
+
+
+def _balanced(
+    balance: float, new: _State, old: _State, sizes: NDArray[np.float64], degree: NDArray[np.float64]
+) -> float:
+    """Steps of both sides in the ratio in which both sides moved, half way there."""
+    moved = math.sqrt(float((sizes * (new.x - old.x) ** 2).sum() + ((new.y - old.y) ** 2).sum()))
+    priced = math.sqrt(float(((degree + 1.0) * (new.prices - old.prices) ** 2).sum()))
+    return math.sqrt(balance * moved / priced) if moved > 0 and priced > 0 else balance
+
+
+class _State(NamedTuple):
     x: NDArray[np.float64]
     y: NDArray[np.float64]
     prices: NDArray[np.float64]
-
-
-def seconds_left(until: float) -> float:
-    """Wall time (s) until a time of `time.perf_counter`, not below 0."""
-    return max(until - time.perf_counter(), 0.0)
 
 
 @compiled
@@ -214,6 +284,14 @@ def _costs(starts: Longs, members: Ints, prices: Floats, result: Floats) -> None
         for k in range(starts[c], starts[c + 1]):
             total += prices[members[k]]
         result[c] = total
+
+
+@compiled
+def _cover(starts: Longs, members: Ints, x: Floats, covered: Floats) -> None:
+    for c in range(len(starts) - 1):
+        if x[c] > 0.0:
+            for k in range(starts[c], starts[c + 1]):
+                covered[members[k]] += x[c]
 
 
 @compiled
@@ -242,10 +320,10 @@ def _lower(set_starts: Longs, sets: Ints, costs: Floats, prices: Floats) -> None
 
 
 @compiled
-def _raise(set_starts: Longs, sets: Ints, order: Longs, highest: float, costs: Floats, prices: Floats) -> None:
+def _raise(set_starts: Longs, sets: Ints, order: Longs, highest: Floats, costs: Floats, prices: Floats) -> None:
     for i in range(len(order)):
         t = order[i]
-        room = highest - prices[t]
+        room = highest[t] - prices[t]
         for k in range(set_starts[t], set_starts[t + 1]):
             room = min(room, 1.0 - costs[sets[k]])
             if room <= 0.0:
@@ -260,6 +338,7 @@ def _raise(set_starts: Longs, sets: Ints, order: Longs, highest: float, costs: F
 def _iterate(
     starts: Longs,
     members: Ints,
+    weights: Floats,
     x_step: Floats,
     y_step: float,
     price_step: Floats,
@@ -291,9 +370,9 @@ def _iterate(
                     covered[members[k]] += reach
         for t in range(targets):
             ahead[t] = y[t] - y_step * prices[t]
-        lift = _lift(ahead, wanted, lift)
+        lift = _lift(ahead, weights, wanted, lift)
         for t in range(targets):
-            new = min(max(ahead[t] + lift, 0.0), 1.0)
+            new = min(max(ahead[t] + lift * weights[t], 0.0), 1.0)
             prices[t] = max(prices[t] + price_step[t] * (2.0 * new - y[t] - covered[t]), 0.0)
             y[t] = new
             y_sum[t] += new
@@ -301,20 +380,21 @@ def _iterate(
 
 
 @compiled
-def _lift(values: Floats, wanted: float, guess: float) -> float:
-    """The smallest addition, not negative, with which values clipped to 0..1 sum up to `wanted`: Newton from a guess."""
-    low, high = 0.0, 1.0 - values.min()
-    lift = guess
+def _lift(values: Floats, weights: Floats, wanted: float, guess: float) -> float:
+    """How much to add for a unit of weight, not less than 0, so that values clipped to 0..1 weigh `wanted` in sum."""
+    low, high = 0.0, 0.0
+    for t in range(len(values)):
+        high = max(high, (1.0 - values[t]) / weights[t])
+    lift = min(guess, high)
     for _ in range(60):
-        total = 0.0
-        inner = 0
+        total, slope = 0.0, 0.0
         for t in range(len(values)):
-            v = values[t] + lift
+            v = values[t] + lift * weights[t]
             if v >= 1.0:
-                total += 1.0
+                total += weights[t]
             elif v > 0.0:
-                total += v
-                inner += 1
+                total += weights[t] * v
+                slope += weights[t] * weights[t]
         missing = wanted - total
         if abs(missing) <= 1e-9 * wanted or (lift == 0.0 and missing <= 0.0):
             break
@@ -322,7 +402,7 @@ def _lift(values: Floats, wanted: float, guess: float) -> float:
             low = lift
         else:
             high = lift
-        lift = lift + missing / inner if inner > 0 else (low + high) / 2
+        lift = lift + missing / slope if slope > 0.0 else (low + high) / 2
         if not low < lift < high:
             lift = (low + high) / 2
         if high - low < 1e-14:

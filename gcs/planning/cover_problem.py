@@ -8,8 +8,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
     from numpy.typing import NDArray
 
 
@@ -33,6 +31,12 @@ class CoverProblem:
     wanted: int
     chosen: NDArray[np.int64]
 
+    @classmethod
+    def empty(cls) -> CoverProblem:
+        """Nothing to cover, and nothing chosen."""
+        none = np.zeros(0, dtype=np.int64)
+        return cls(np.zeros(1, dtype=np.int64), np.zeros(0, dtype=np.int32), 0, np.zeros(0, dtype=np.bool_), 0, none)
+
     @property
     def candidates(self) -> int:
         """How many candidates there are."""
@@ -41,10 +45,3 @@ class CoverProblem:
     def members_of(self, candidate: int) -> NDArray[np.int32]:
         """Numbers of the targets that a candidate covers."""
         return self.members[self.starts[candidate] : self.starts[candidate + 1]]
-
-
-def joined_members(sets: Sequence[NDArray[np.int64]]) -> tuple[NDArray[np.int64], NDArray[np.int32]]:
-    """Sets side by side: `starts`, shape (S + 1,), and `members`."""
-    starts = np.concatenate([[0], np.cumsum([len(s) for s in sets])]).astype(np.int64)
-    members = np.concatenate([*sets, np.empty(0, dtype=np.int64)]).astype(np.int32)
-    return starts, members

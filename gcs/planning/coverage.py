@@ -1,21 +1,24 @@
-"""The certificate of coverage: which sides of the surface the finished viewpoints see, of those that could be seen.
+"""The certificate of coverage: which sides of the surface the finished viewpoints see, and why not the others.
 
-It shares only definitions with the search for viewpoints (what a picture shows, where a random place lies): it has its
-own samples, looks at the whole pictures as they will be taken, and asks for every side that is not seen whether any
-place could have seen it.
+It shares only definitions with the search for viewpoints: it has its own samples, looks at the whole pictures as they
+will be taken, and asks for every side that is not seen whether any place could have seen it, and what is in the way.
 """
 
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from gcs.core.plan import SurfaceCoverage
-from gcs.planning.camera_footprint import faces_camera, sharp_in_image
-from gcs.planning.outer_space import OuterSpace
-from gcs.planning.surface_samples import sample_surface
+from gcs.core.surface_coverage import SurfaceCoverage, Verdict
+from gcs.planning.coverage_places import PlaceLimits
+from gcs.planning.coverage_reasons import Sides, Surroundings, judge_unseen
+from gcs.planning.outer_space import build_outer_space
+from gcs.planning.picture_kernels import LIFT_M
+from gcs.planning.picture_limits import nearest_sharp_m
+from gcs.planning.pictured_sides import Shown, pictured_sides
+from gcs.planning.surface_samples import sample_surface, surface_area
 from gcs.planning.viewpoint_pose import gimbal_pitch_range_rad
 from gcs.planning.visibility import SightLines
 
@@ -30,42 +33,18 @@ if TYPE_CHECKING:
     from gcs.core.scenario import Scenario
     from gcs.core.structure import Structure
     from gcs.planning.fence import FenceVolume
+    from gcs.planning.pictured_sides import View
     from gcs.planning.point_distance import SceneDistance
     from gcs.planning.surface_samples import SurfaceSamples
 
 STAGE = "coverage"
-SAMPLES = 20000
-TRIES = 32
-"""Places that are tried for every side before it counts as one that nobody can see."""
+SAMPLES = 100_000
+"""Points of the surface; both sides of each are judged."""
 
 SEED_OFFSET = 0x5EED
 """Keeps the certificate's samples apart from those that the viewpoints were chosen with."""
 
 MOST_MARGIN_M = 25.0
-
-
-class View(Protocol):
-    """What a picture needs; both poses and planned viewpoints have it."""
-
-    @property
-    def position_m(self) -> NDArray[np.float64]:
-        """Camera position, shape (3,)."""
-        ...
-
-    @property
-    def direction(self) -> NDArray[np.float64]:
-        """Unit view direction, shape (3,)."""
-        ...
-
-    @property
-    def up(self) -> NDArray[np.float64]:
-        """Unit upward direction of the image, shape (3,)."""
-        ...
-
-    @property
-    def gsd_m(self) -> float:
-        """Ground sampling distance (m a pixel) where it is focused."""
-        ...
 
 
 def certify_coverage(
@@ -77,13 +56,14 @@ def certify_coverage(
     progress: Progress,
     *,
     seed: int | None = None,
+    samples: int = SAMPLES,
 ) -> SurfaceCoverage | None:
-    """Find out what viewpoints cover of the surface.
+    """Find out what viewpoints cover of the surface, and why they do not cover the rest.
 
-    A target is one side of a sampled point. It is seen if a picture shows it unoccluded, from its side, within the
-    incidence limit and at no more than the GSD (by its depth along the camera's axis). It is coverable if it is seen,
-    or if a place at the clearance, connected with the outside, inside the fence, from which the gimbal can look at
-    it, no further than the GSD allows, sees it so.
+    A target is one side of a sampled point. It is seen if a picture shows it unoccluded, sharp, from its side, within
+    the incidence limit and at no more than the GSD (by its depth along the camera's axis). It is coverable if it is
+    seen, or if a place at the clearance, connected with the outside, inside the fence, from which the gimbal can look
+    at it, no further than the GSD allows, sees it so. The others have the reason of `coverage_reasons`.
 
     Args:
         scenario: the surface task, the camera and the clearance.
@@ -93,35 +73,89 @@ def certify_coverage(
         distance: exact distances.
         progress: told about the stage `coverage`.
         seed: of the samples; by default one that goes with the planner's.
+        samples: how many points are judged, two sides each.
 
     Returns:
         None when no surface was asked for.
+
+    Raises:
+        InputError: there is no surface in the regions.
     """
     task = scenario.inspection.surface if scenario.inspection else None
     if task is None:
         return None
     rng = np.random.default_rng([scenario.planner.seed, SEED_OFFSET] if seed is None else seed)
-    targets = sample_surface(structure, SAMPLES, rng, task.regions)
+    targets = sample_surface(structure, samples, rng, task.regions)
+    verdicts = judge_targets(
+        scenario, structure, viewpoints, targets.points_m, targets.normals, fence, distance, progress, rng=rng
+    )
+    area = 2 * surface_area(structure, task.regions)
+    return SurfaceCoverage(targets.points_m, targets.normals, verdicts, area)
+
+
+def judge_targets(
+    scenario: Scenario,
+    structure: Structure,
+    viewpoints: Sequence[View],
+    points_m: NDArray[np.float64],
+    normals: NDArray[np.float64],
+    fence: FenceVolume,
+    distance: SceneDistance,
+    progress: Progress,
+    *,
+    rng: np.random.Generator,
+    lift_m: float = LIFT_M,
+) -> NDArray[np.uint8]:
+    """Say of points of the surface whether viewpoints show them as the surface task asks, and if not, why not.
+
+    Args:
+        scenario: with a surface task.
+        structure: what hides the points.
+        viewpoints: the pictures.
+        points_m: scene ENU, shape (N, 3).
+        normals: the side of each, unit, shape (N, 3).
+        fence: what viewpoints have to stay in.
+        distance: exact distances.
+        progress: told about the stage `coverage`.
+        rng: the source of randomness for places that are tried.
+        lift_m: points are looked at this far above their side, so that their own surface does not hide them; more for
+            points that lie on the surface only roughly.
+
+    Returns:
+        Values of `Verdict`, shape (N,).
+
+    Raises:
+        ValueError: the scenario has no surface task.
+    """
+    task = scenario.inspection.surface if scenario.inspection else None
+    if task is None:
+        raise ValueError("the scenario asks for no surface")
     sight = SightLines(structure)
-    seen = seen_targets(scenario.camera, task, viewpoints, targets, sight, progress)
-    coverable = seen.copy()
     reach = scenario.camera.distance_for_gsd(task.gsd_mm / 1000)
+    steepest = math.radians(task.max_incidence_deg)
+    shown = Shown(scenario.camera, reach, steepest, scenario.vehicle.hover_speed_m_s)
+    sides = Sides(points_m, normals, points_m + lift_m * normals)
+    seen = pictured_sides(*sides, viewpoints, shown, sight, progress, STAGE)
     clearance = scenario.centre_clearance_m
-    if reach > clearance:
-        margin = min(reach, MOST_MARGIN_M) + clearance + 2.0
-        outer = OuterSpace(
-            distance, clearance, structure.bounds_m, margin, fence, poll=lambda: progress.report(STAGE, 0.35)
-        )
-        for round_ in range(TRIES):
-            todo = np.flatnonzero(~coverable)
-            if not len(todo):
-                break
-            spread = 0.0 if round_ == 0 else 1.0
-            places = random_places(targets[todo], task, clearance, reach, rng, spread=spread, near=round_ % 2 == 0)
-            coverable[todo] = can_see(places, targets[todo], scenario.camera, outer, sight)
-            progress.report(STAGE, 0.4 + 0.6 * (round_ + 1) / TRIES)
+    ground = -math.inf if distance.ground_m is None else float(distance.ground_m)
+    gimbal = scenario.camera.gimbal
+    pitch = gimbal_pitch_range_rad(gimbal.pitch_min_deg, gimbal.pitch_max_deg)
+    nearest = nearest_sharp_m(scenario.camera, scenario.vehicle, 0.0)
+    limits = PlaceLimits(clearance, nearest, reach, steepest, *pitch, ground)
+    margin = min(reach, MOST_MARGIN_M) + clearance + 2.0
+    outer = build_outer_space(
+        distance, clearance, structure.bounds_m, margin, poll=lambda: progress.report(STAGE, 0.35)
+    )
+    verdicts = np.full(len(points_m), Verdict.SEEN, dtype=np.uint8)
+    left = ~seen
+    verdicts[left] = judge_unseen(
+        Sides(*(part[left] for part in sides)),
+        Surroundings(limits, outer, fence, distance, sight),
+        rng,
+        lambda share: progress.report(STAGE, 0.4 + 0.6 * share),
+    )
     progress.report(STAGE, 1.0)
-    return SurfaceCoverage(targets.points_m, targets.normals, seen, coverable)
+    return verdicts
 
 
 def seen_targets(
@@ -135,20 +169,10 @@ def seen_targets(
     stage: str = STAGE,
 ) -> NDArray[np.bool_]:
     """Which targets at least one picture shows as asked, shape (N,)."""
-    reach = camera.distance_for_gsd(task.gsd_mm / 1000)
-    incidence = math.radians(task.max_incidence_deg)
-    seen = np.zeros(len(targets), dtype=np.bool_)
-    lifted = targets.lifted_m
-    for done, view in enumerate(viewpoints):
-        left = np.flatnonzero(~seen)
-        focus = camera.distance_for_gsd(view.gsd_m)
-        pose = view.position_m, view.direction, view.up
-        left = left[sharp_in_image(camera, *pose, targets.points_m[left], reach, focus)]
-        left = left[faces_camera(view.position_m, targets.points_m[left], targets.normals[left], incidence)]
-        seen[left[sight.clear(view.position_m, lifted[left])]] = True
-        if done % 8 == 0:
-            progress.report(stage, 0.3 * done / len(viewpoints))
-    return seen
+    shown = Shown(camera, camera.distance_for_gsd(task.gsd_mm / 1000), math.radians(task.max_incidence_deg), 0.0)
+    return pictured_sides(
+        targets.points_m, targets.normals, targets.lifted_m, viewpoints, shown, sight, progress, stage
+    )
 
 
 def random_places(
@@ -187,17 +211,3 @@ def random_places(
     share = rng.random(n) ** (2.0 if near else 0.5)
     length = 1.01 * nearest_m + (0.99 * furthest_m - 1.01 * nearest_m) * share
     return np.asarray(targets.points_m + np.clip(length, None, furthest_m)[:, None] * direction)
-
-
-def can_see(
-    places_m: NDArray[np.float64], targets: SurfaceSamples, camera: Camera, outer: OuterSpace, sight: SightLines
-) -> NDArray[np.bool_]:
-    """Whether a camera could be at each place and look at its target from there, shape (N,)."""
-    gimbal = camera.gimbal
-    lowest, highest = gimbal_pitch_range_rad(gimbal.pitch_min_deg, gimbal.pitch_max_deg)
-    ray = targets.points_m - places_m
-    pitch = np.arctan2(ray[:, 2], np.hypot(ray[:, 0], ray[:, 1]))
-    ok = (pitch >= lowest) & (pitch <= highest)
-    ok[ok] = outer.holds(places_m[ok])
-    ok[ok] = sight.clear(places_m[ok], targets.lifted_m[ok])
-    return np.asarray(ok)

@@ -11,6 +11,7 @@ import numpy as np
 from gcs.core.errors import InputError
 from gcs.core.progress import SilentProgress
 from gcs.planning.compiled import compiled
+from gcs.planning.distance_transform import squared_distance_transform
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
@@ -28,7 +29,7 @@ FINEST_PITCH_M = 0.25
 COARSEST_PITCH_M = 1.0
 TYPICAL_CELLS = 4e6
 MOST_CELLS = 12e6
-TRIANGLES_AT_A_TIME = 4000
+TRIANGLES_AT_A_TIME = 20000
 
 Floats = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 Marks = np.ndarray[tuple[int, ...], np.dtype[np.bool_]]
@@ -103,8 +104,6 @@ def build_distance_field(
     Raises:
         InputError: the structure reaches out of the volume.
     """
-    from scipy import ndimage
-
     progress = progress or SilentProgress()
     low = np.asarray(low_m, dtype=np.float64)
     shape = np.maximum(np.ceil((np.asarray(high_m, dtype=np.float64) - low) / pitch_m - 1e-9).astype(np.int64), 1)
@@ -114,19 +113,18 @@ def build_distance_field(
     progress.report("distance_field", 0.0)
 
     occupied = np.zeros(shape, dtype=np.bool_)
-    triangles = (structure.triangles_m - low) / pitch_m
-    for first in range(0, len(triangles), TRIANGLES_AT_A_TIME):
-        _mark_triangles(occupied, triangles[first : first + TRIANGLES_AT_A_TIME])
-        progress.report("distance_field", 0.4 * first / len(triangles))
+    for first in range(0, len(structure.faces), TRIANGLES_AT_A_TIME):
+        faces = structure.faces[first : first + TRIANGLES_AT_A_TIME]
+        _mark_triangles(occupied, (structure.vertices_m[faces] - low) / pitch_m)
+        progress.report("distance_field", 0.4 * first / len(structure.faces))
     if structure.cables:
         _mark_capsules(occupied, (structure.cable_ends_m - low) / pitch_m, structure.cable_radii_m / pitch_m)
     progress.report("distance_field", 0.4)
-
-    distance = np.empty(shape, dtype=np.float32)
-    centres_apart = ndimage.distance_transform_edt(~occupied)
+    distance = squared_distance_transform(occupied)
     progress.report("distance_field", 0.9)
     # the surface lies in the nearest marked cell or up to the sample gap outside it
-    np.subtract(centres_apart, HALF_DIAGONAL + SAMPLE_GAP, out=distance, casting="same_kind")
+    np.sqrt(distance, out=distance)
+    distance -= np.float32(HALF_DIAGONAL + SAMPLE_GAP)
     np.maximum(distance, 0.0, out=distance)
     distance *= np.float32(pitch_m * (1 - 1e-6))  # rounding to float32 must not round up past the bound
     progress.report("distance_field", 1.0)
@@ -141,13 +139,19 @@ def _mark_triangles(occupied: Marks, triangles: Floats) -> None:
         longest = -1.0
         a = 0
         for k in range(3):
-            edge = float(np.linalg.norm(triangles[f, (k + 1) % 3] - triangles[f, k]))
+            edge = 0.0
+            for c in range(3):
+                edge += (triangles[f, (k + 1) % 3, c] - triangles[f, k, c]) ** 2
             if edge > longest:
                 longest, a = edge, k
+        longest = math.sqrt(longest)
         base, tip, apex = triangles[f, a], triangles[f, (a + 1) % 3], triangles[f, (a + 2) % 3]
         # rows are `row` apart at most along the sides; a point is within half a row and half a step of a sample
-        side = max(np.linalg.norm(apex - base), np.linalg.norm(apex - tip))
-        rows = math.ceil(side / SAMPLE_GAP) + 1
+        left, right = 0.0, 0.0
+        for c in range(3):
+            left += (apex[c] - base[c]) ** 2
+            right += (apex[c] - tip[c]) ** 2
+        rows = math.ceil(math.sqrt(max(left, right)) / SAMPLE_GAP) + 1
         for i in range(rows + 1):
             share = i / rows
             steps = math.ceil(longest * (1.0 - share) / SAMPLE_GAP) + 1

@@ -67,7 +67,7 @@ def face_cells(face: FaceTask) -> list[FaceCell]:
 
 def outward_normal(face: FaceTask) -> NDArray[np.float64]:
     """Unit normal of the rectangle itself on the side that the face's normal names, shape (3,)."""
-    normal = np.cross(face.along_m, face.up_m)
+    normal = np.cross(np.asarray(face.along_m, dtype=np.float64), np.asarray(face.up_m, dtype=np.float64))
     normal /= np.linalg.norm(normal)
     return np.asarray(normal * np.sign(normal @ np.asarray(face.normal)))
 

@@ -29,6 +29,8 @@ OPTIMAL = 1.0 + 1e-6
 
 CELLS_BETWEEN_POLLS = 200_000
 
+_ANY_GOAL = np.empty((0, 0, 0), dtype=np.bool_)
+
 ROOT_2 = math.sqrt(2.0)
 ROOT_3 = math.sqrt(3.0)
 
@@ -90,25 +92,63 @@ class GridSearch:
             return None
         if cover is None:
             cover, penalty = np.empty((0, 0, 0), dtype=np.float32), 1.0
+        return self._run(allowed, first, last, _ANY_GOAL, cover, penalty, weight, poll)
+
+    def nearest(
+        self,
+        allowed: NDArray[np.bool_],
+        start: ArrayLike,
+        wanted: NDArray[np.bool_],
+        poll: Callable[[], None] | None = None,
+    ) -> tuple[NDArray[np.int64], float] | None:
+        """Shortest path over allowed cells to the nearest of some cells; moves as in `search`.
+
+        Args:
+            allowed: cells that may be used, shape (nx, ny, nz).
+            start: first cell, shape (3,).
+            wanted: cells to end in, those of them that are allowed, shape (nx, ny, nz).
+            poll: as in `search`.
+
+        Returns:
+            As `search`.
+        """
+        first = np.asarray(start, dtype=np.int64)
+        self.expanded = 0
+        if not allowed[tuple(first)]:
+            return None
+        return self._run(allowed, first, first, wanted, np.empty((0, 0, 0), dtype=np.float32), 1.0, 0.0, poll)
+
+    def _run(
+        self,
+        allowed: NDArray[np.bool_],
+        first: NDArray[np.int64],
+        last: NDArray[np.int64],
+        wanted: NDArray[np.bool_],
+        cover: NDArray[np.float32],
+        penalty: float,
+        weight: float,
+        poll: Callable[[], None] | None,
+    ) -> tuple[NDArray[np.int64], float] | None:
         self._searches += 1
         known = 2 * self._searches
-        source, target = int(first @ self._strides), int(last @ self._strides)
+        source = int(first @ self._strides)
         self._cost[source] = 0.0
         self._stamp[source] = known
         keys: Floats = np.zeros(1024)
         nodes: Ints = np.full(1024, source, dtype=np.int64)
-        waiting = 1
-        while waiting and self._stamp[target] != known + 1:
+        waiting, reached = 1, -1
+        while waiting and reached < 0:
             if poll:
                 poll()
-            keys, nodes, waiting, settled = _expand(
-                allowed, cover, penalty, weight, last, self._strides, self._cost, self._came_by, self._stamp, known,
-                keys, nodes, waiting, CELLS_BETWEEN_POLLS,
+            keys, nodes, waiting, settled, reached = _expand(
+                allowed, cover, penalty, weight, last, wanted, self._strides, self._cost, self._came_by, self._stamp,
+                known, keys, nodes, waiting, CELLS_BETWEEN_POLLS,
             )  # fmt: skip
             self.expanded += settled
-        if self._stamp[target] != known + 1:
+        if reached < 0:
             return None
-        return _walk_back(self._came_by, first, last, self._strides), float(self._cost[target])
+        end = np.array(np.unravel_index(reached, allowed.shape), dtype=np.int64)
+        return _walk_back(self._came_by, first, end, self._strides), float(self._cost[reached])
 
 
 def cover_depth(free: NDArray[np.bool_], open_sky: NDArray[np.bool_]) -> NDArray[np.float32]:
@@ -160,6 +200,7 @@ def _expand(
     penalty: float,
     weight: float,
     goal: Ints,
+    wanted: Marks,
     strides: Ints,
     cost: Floats,
     came_by: Moves,
@@ -169,11 +210,13 @@ def _expand(
     nodes: Ints,
     size: int,
     most: int,
-) -> tuple[Floats, Ints, int, int]:
+) -> tuple[Floats, Ints, int, int, int]:
     """Settle up to `most` cells, or until the goal is settled, on a heap of `size` keys and nodes.
 
+    With marks in `wanted` any of those cells is the goal.
+
     Returns:
-        The heap's keys, nodes and size, and how many cells were settled.
+        The heap's keys, nodes and size, how many cells were settled, and the goal's node once it is (else -1).
     """
     settled = known + 1
     target = goal[0] * strides[0] + goal[1] * strides[1] + goal[2]
@@ -189,11 +232,11 @@ def _expand(
             continue
         stamp[node] = settled
         expanded += 1
-        if node == target:
-            break
         x = node // strides[0]
         y = node % strides[0] // strides[1]
         z = node % strides[1]
+        if wanted[x, y, z] if wanted.size > 0 else node == target:
+            return keys, nodes, size, expanded, node
         for move in range(27):
             dx, dy, dz = move // 9 - 1, move // 3 % 3 - 1, move % 3 - 1
             length = _move_length(allowed, x, y, z, dx, dy, dz)
@@ -219,7 +262,7 @@ def _expand(
                 keys, nodes = grown(keys, nodes)
             sift_up(keys, nodes, size, total + weight * estimate, other)
             size += 1
-    return keys, nodes, size, expanded
+    return keys, nodes, size, expanded, -1
 
 
 @compiled

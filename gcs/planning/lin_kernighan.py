@@ -37,7 +37,10 @@ MOST_EDGES = len(BREADTH) + 1
 WALK = 5
 """Steps between a kick's nodes."""
 
-WARMTH = 0.15
+MOST_WALKS = 50
+"""A kick is left out when so many do not end at four nodes."""
+
+WARMTH = 0.1
 """Excess that is accepted with a chance of 1/e at first, in mean costs to the nearest candidate."""
 
 KICKS_AT_ONCE = 1000
@@ -101,6 +104,7 @@ class LocalSearch:
         self, costs: TourCosts, candidates: NDArray[np.int64], order: NDArray[np.int64], rng: np.random.Generator
     ) -> None:
         n = len(order)
+        self._costs = costs
         self._rng = rng
         self._tour = order.astype(np.uint32)
         self._position = np.empty(n, dtype=np.uint32)
@@ -108,7 +112,9 @@ class LocalSearch:
         self._candidates = np.ascontiguousarray(candidates, dtype=np.uint32)
         distances = _candidate_costs(costs.data, costs.from_points, self._candidates)
         nearest = distances[:, 0][np.isfinite(distances[:, 0])]
-        self._unit = max(float(nearest.mean()) if len(nearest) else 0.0, float(distances[np.isfinite(distances)].mean()))
+        self._unit = max(
+            float(nearest.mean()) if len(nearest) else 0.0, float(distances[np.isfinite(distances)].mean())
+        )
         self._search = _Search(
             costs.data,
             costs.from_points,
@@ -137,16 +143,24 @@ class LocalSearch:
         """Exchange edges until nothing gains."""
         _descend(self._search)
 
-    def kick(self, kicks: int, poll: Callable[[], None] | None = None) -> None:
+    @property
+    def cost(self) -> float:
+        """Cost of the closed tour."""
+        return self._costs.of_tour(self._tour)
+
+    def kick(self, kicks: int, poll: Callable[[], None] | None = None, enough: float = -math.inf) -> None:
         """Kick and repair.
 
         Args:
             kicks: how often.
             poll: called now and then; may raise.
+            enough: a cost that ends it.
         """
         for begin in range(0, kicks, KICKS_AT_ONCE):
             if poll:
                 poll()
+            if self.cost <= enough:
+                break
             end = min(begin + KICKS_AT_ONCE, kicks)
             _kick(self._search, self._rng, begin, end, kicks, WARMTH * self._unit)
 
@@ -278,20 +292,9 @@ def _write(tour: Nodes, position: Nodes, place: int, direction: int, count: int,
 
 
 @compiled
-def _exchange(
-    tour: Nodes,
-    position: Nodes,
-    base: int,
-    direction: int,
-    k: int,
-    s: Ints,
-    moved: Nodes,
-    journal: Nodes,
-    marks: Ints,
-    done: int,
-) -> None:
+def _exchange(x: _Search, base: int, direction: int, k: int, done: int) -> None:
     """Put the segments into their new order; the longest stays where it is, and what stood elsewhere is noted."""
-    n = len(tour)
+    s, n = x.exchange, len(x.tour)
     for i in range(k - 1):
         hole = i
         while hole > 0 and s[BORDER + hole - 1] > s[CUT + i + 1]:
@@ -310,17 +313,17 @@ def _exchange(
         low = s[BORDER + segment - 1] + 1 if segment > 0 else 0
         high = s[BORDER + segment]
         if end & 1:
-            _read(tour, (base + direction * high) % n, -direction, high - low + 1, moved, count)
+            _read(x.tour, (base + direction * high) % n, -direction, high - low + 1, x.moved, count)
         else:
-            _read(tour, (base + direction * low) % n, direction, high - low + 1, moved, count)
+            _read(x.tour, (base + direction * low) % n, direction, high - low + 1, x.moved, count)
         count += high - low + 1
         end = s[LINK + (end ^ 1)]
     place = (base + direction * (s[BORDER + longest] + 1)) % n
-    used = marks[done, 3]
+    marks, used = x.marks, x.marks[done, 3]
     marks[done, 0], marks[done, 1], marks[done, 2] = place, direction, count
     marks[done + 1, 3] = used + count
-    _read(tour, place, direction, count, journal, used)
-    _write(tour, position, place, direction, count, moved, 0)
+    _read(x.tour, place, direction, count, x.journal, used)
+    _write(x.tour, x.position, place, direction, count, x.moved, 0)
 
 
 @compiled
@@ -341,12 +344,13 @@ def _improve(
 ) -> tuple[float, int, int, int]:
     """Look for an exchange that gains, with one of the edges at a node removed first.
 
+    Fields of `_Search` one by one: taking them out of it at each call would cost a fifth of the time.
+
     Returns:
         The gain (0 when there is none), the number of edges, t2's place and the direction from t1 to it; the exchange
         itself is in the scratch array.
     """
-    n = len(tour)
-    deepest = len(breadth)
+    n, deepest = len(tour), len(breadth)
     width = np.uint64(2 * candidates.shape[1])
     for direction in (1, -1):
         base = np.int64(position[t1]) + direction
@@ -418,47 +422,53 @@ def _improve(
 
 
 @compiled
-def _repair(
-    data: Floats,
-    from_points: bool,
-    candidates: Nodes,
-    distances: Floats,
-    tour: Nodes,
-    position: Nodes,
-    breadth: Ints,
-    table: Ints,
-    first: Ints,
-    s: Ints,
-    gains: Floats,
-    moved: Nodes,
-    journal: Nodes,
-    marks: Ints,
-    queue: Nodes,
-    waiting: np.ndarray[tuple[int, ...], np.dtype[np.bool_]],
-    nothing: float,
-    count: int,
-    done: int,
-    keep: bool,
-) -> tuple[float, int]:
+def _repair(x: _Search, count: int, done: int, keep: bool) -> tuple[float, int]:
     """Improve from the first `count` nodes of the queue on until nothing gains.
 
+    Args:
+        x: what to work on.
+        count: nodes in the queue.
+        done: exchanges in the journal.
+        keep: whether exchanges stay in the journal.
+
     Returns:
-        The gain, and the number of marks in the journal, which is emptied before each exchange unless it is kept.
+        The gain, and the number of exchanges in the journal.
     """
-    n = len(tour)
+    tour, position, s, queue, waiting, marks = x.tour, x.position, x.exchange, x.queue, x.waiting, x.marks
+    data, candidates, distances, breadth, table, first = (
+        x.data,
+        x.candidates,
+        x.distances,
+        x.breadth,
+        x.table,
+        x.first,
+    )
+    gains, n, longest_journal = x.gains, len(tour), len(x.journal)
     total, head = 0.0, 0
     while count > 0:
         node = queue[head]
         head = head + 1 if head + 1 < n else 0
         count -= 1
         waiting[node] = False
-        while done + 1 < len(marks) and marks[done, 3] + n <= len(journal):
+        while done + 1 < len(marks) and marks[done, 3] + n <= longest_journal:
             gain, k, base, direction = _improve(
-                data, from_points, candidates, distances, tour, position, breadth, table, first, s, gains, nothing, node
+                data,
+                x.from_points,
+                candidates,
+                distances,
+                tour,
+                position,
+                breadth,
+                table,
+                first,
+                s,
+                gains,
+                x.nothing,
+                node,
             )
             if k == 0:
                 break
-            _exchange(tour, position, base, direction, k, s, moved, journal, marks, done)
+            _exchange(x, base, direction, k, done)
             total += gain
             done += int(keep)
             for i in range(2 * k):
@@ -472,62 +482,19 @@ def _repair(
 
 
 @compiled
-def _descend(
-    data: Floats,
-    from_points: bool,
-    candidates: Nodes,
-    distances: Floats,
-    tour: Nodes,
-    position: Nodes,
-    breadth: Ints,
-    table: Ints,
-    first: Ints,
-    s: Ints,
-    gains: Floats,
-    moved: Nodes,
-    journal: Nodes,
-    marks: Ints,
-    queue: Nodes,
-    waiting: np.ndarray[tuple[int, ...], np.dtype[np.bool_]],
-    nothing: float,
-) -> None:
-    queue[:] = tour
-    waiting[:] = True
-    _repair(
-        data, from_points, candidates, distances, tour, position, breadth, table, first, s, gains, moved, journal,
-        marks, queue, waiting, nothing, len(tour), 0, False,
-    )  # fmt: skip
+def _descend(x: _Search) -> None:
+    x.queue[:] = x.tour
+    x.waiting[:] = True
+    _repair(x, len(x.tour), 0, False)
 
 
 @compiled
-def _kick(
-    data: Floats,
-    from_points: bool,
-    candidates: Nodes,
-    distances: Floats,
-    tour: Nodes,
-    position: Nodes,
-    breadth: Ints,
-    table: Ints,
-    first: Ints,
-    s: Ints,
-    gains: Floats,
-    moved: Nodes,
-    journal: Nodes,
-    marks: Ints,
-    queue: Nodes,
-    waiting: np.ndarray[tuple[int, ...], np.dtype[np.bool_]],
-    nothing: float,
-    rng: np.random.Generator,
-    begin: int,
-    end: int,
-    kicks: int,
-    warmth: float,
-) -> None:
-    n = len(tour)
+def _kick(x: _Search, rng: np.random.Generator, begin: int, end: int, kicks: int, warmth: float) -> None:
+    """The kicks from `begin` to `end` of so many."""
+    s, tour, n = x.exchange, x.tour, len(x.tour)
     places = np.empty(4, np.int64)
     for turn in range(begin, end):
-        if not _choose_places(candidates, position, rng, places):
+        if not _choose_places(x, rng, places):
             continue
         base = places[3] + 1 if places[3] + 1 < n else 0
         loss, count = 0.0, 0
@@ -536,36 +503,33 @@ def _kick(
             node = tour[places[j]]
             after = tour[(places[j] + 1) % n]
             joined = tour[(places[(j + 2) % 4] + 1) % n]
-            loss += pair_cost(data, from_points, node, joined) - pair_cost(data, from_points, node, after)
+            loss += pair_cost(x.data, x.from_points, node, joined) - pair_cost(x.data, x.from_points, node, after)
             s[LINK + 2 * j + 1] = 2 * ((j + 3) % 4)
             s[LINK + 2 * ((j + 3) % 4)] = 2 * j + 1
-            for x in (node, after):
-                if not waiting[x]:
-                    waiting[x] = True
-                    queue[count] = x
+            for i in (node, after):
+                if not x.waiting[i]:
+                    x.waiting[i] = True
+                    x.queue[count] = i
                     count += 1
-        _exchange(tour, position, base, 1, 4, s, moved, journal, marks, 0)
-        gain, done = _repair(
-            data, from_points, candidates, distances, tour, position, breadth, table, first, s, gains, moved, journal,
-            marks, queue, waiting, nothing, count, 1, True,
-        )  # fmt: skip
+        _exchange(x, base, 1, 4, 0)
+        gain, done = _repair(x, count, 1, True)
         allowed = -warmth * (1.0 - turn / kicks) * math.log(1.0 - rng.random())
-        if loss - gain > allowed + nothing:
+        if loss - gain > allowed + x.nothing:
             for i in range(done - 1, -1, -1):
-                _write(tour, position, marks[i, 0], marks[i, 1], marks[i, 2], journal, marks[i, 3])
+                _write(tour, x.position, x.marks[i, 0], x.marks[i, 1], x.marks[i, 2], x.journal, x.marks[i, 3])
 
 
 @compiled
-def _choose_places(candidates: Nodes, position: Nodes, rng: np.random.Generator, places: Ints) -> bool:
-    """Four places in the tour, ascending, of a random node and of ends of random walks from it."""
-    centre = np.uint32(rng.random() * len(position))
-    places[0] = position[centre]
+def _choose_places(x: _Search, rng: np.random.Generator, places: Ints) -> bool:
+    """Four places in the tour, ascending: of a random node, and of the ends of random walks from it."""
+    centre = np.uint32(rng.random() * len(x.tour))
+    places[0] = x.position[centre]
     found = 1
-    for _ in range(50):
+    for _ in range(MOST_WALKS):
         node = centre
         for _ in range(WALK):
-            node = candidates[node, np.uint64(rng.random() * candidates.shape[1])]
-        place = np.int64(position[node])
+            node = x.candidates[node, np.uint64(rng.random() * x.candidates.shape[1])]
+        place = np.int64(x.position[node])
         hole = found
         new = True
         for i in range(found):

@@ -77,19 +77,31 @@ def minimum_snap(
     Raises:
         SolverError: no solver gives an answer with small residuals; it names the leg.
     """
-    return _solve_group(list(zip(range(len(legs)), legs, durations_s, strict=True)), solvers)
+    curves = []
+    for curve in solve_legs(legs, durations_s, solvers):
+        if isinstance(curve, SolverError):
+            raise curve
+        curves.append(curve)
+    return curves
+
+
+def solve_legs(
+    legs: Sequence[LegCorridor], durations_s: Sequence[NDArray[np.float64]], solvers: Sequence[QpSolver]
+) -> list[NDArray[np.float64] | SolverError]:
+    """`minimum_snap` with the error of a leg that has no answer in the place of its curve."""
+    return _solve_group(list(zip(range(len(legs)), legs, durations_s, strict=True)), solvers) if legs else []
 
 
 def _solve_group(
     group: list[tuple[int, LegCorridor, NDArray[np.float64]]], solvers: Sequence[QpSolver]
-) -> list[NDArray[np.float64]]:
+) -> list[NDArray[np.float64] | SolverError]:
     alone = len(group) == 1
     try:
         stack = _Stack([leg for _, leg, _ in group], [durations for _, _, durations in group])
-        return stack.solve(solvers if alone else solvers[:1])
+        return [*stack.solve(solvers if alone else solvers[:1])]
     except SolverError as error:
         if alone:
-            raise SolverError(f"leg {group[0][0]}: {error.message}") from None
+            return [SolverError(f"leg {group[0][0]}: {error.message}")]
     half = len(group) // 2
     return _solve_group(group[:half], solvers) + _solve_group(group[half:], solvers)
 

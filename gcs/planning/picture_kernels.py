@@ -164,7 +164,7 @@ def facing_targets(
 ) -> tuple[Ints, ShortInts]:
     """Targets near enough to each place that face it: where each place's begin, and their numbers."""
     starts = np.zeros(places.shape[0] + 1, np.int64)
-    which = np.empty(4096, np.int32)
+    which: ShortInts = np.empty(4096, np.int32)
     found = 0
     for p in range(places.shape[0]):
         which = grown(which, found + points.shape[0])
@@ -204,7 +204,7 @@ def pictured_targets(
 ) -> tuple[Ints, ShortInts]:
     """Targets that pictures (one a place) would show if nothing hid them: where each one's begin, and their numbers."""
     starts = np.zeros(places.shape[0] + 1, np.int64)
-    which = np.empty(4096, np.int32)
+    which: ShortInts = np.empty(4096, np.int32)
     found = 0
     for p in range(places.shape[0]):
         which = grown(which, found + points.shape[0])
@@ -248,7 +248,12 @@ def _show(
 
 @compiled
 def _turn_to_middle(
-    place: SingleFloats, shown: ShortInts, points: SingleFloats, weights: SingleFloats, limits: PictureLimits, axes: Floats
+    place: SingleFloats,
+    shown: ShortInts,
+    points: SingleFloats,
+    weights: SingleFloats,
+    limits: PictureLimits,
+    axes: Floats,
 ) -> None:
     """Turn a camera to the weighted middle of what it shows (one step of mean shift)."""
     sx, sy, sz = 0.0, 0.0, 0.0
@@ -296,7 +301,7 @@ def aim_pictures(
     axes = np.empty((most, 9))
     focus = np.empty(most)
     marks = np.empty((most, 2), np.int64)
-    members = np.empty(65536, np.int32)
+    members: ShortInts = np.empty(65536, np.int32)
     shown = np.empty(points.shape[0], np.int32)
     camera = np.empty(9)
     made = 0
@@ -342,4 +347,10 @@ def aim_pictures(
             marks[made, 1] = mark
             made += 1
             ends[made] = ends[made - 1] + count
-    return ends[: made + 1].copy(), members[: ends[made]].copy(), of_place[:made].copy(), axes[:made].copy(), focus[:made].copy()
+    return (
+        ends[: made + 1].copy(),
+        members[: ends[made]].copy(),
+        of_place[:made].copy(),
+        axes[:made].copy(),
+        focus[:made].copy(),
+    )

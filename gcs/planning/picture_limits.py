@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING, NamedTuple
 
 from gcs.core.errors import InfeasibleError
@@ -57,7 +58,7 @@ def nearest_place(
     held = max((half_width_m + error) / camera.half_width_tangent, (half_height_m + error) / camera.half_height_tangent)
     sharp = nearest_sharp_m(camera, scenario.vehicle, error)
     return max(
-        NearestPlace(clearance_m, f"the vehicle keeps {clearance_m:.2f} m (hull, error budget and corridor)"),
+        NearestPlace(clearance_m, f"the vehicle keeps {clearance_m:.2f} m (hull and error budget)"),
         NearestPlace(sharp, f"pictures are sharp only from {sharp:.2f} m (focus, and blur at hover)"),
         NearestPlace(held, f"all of it is in the picture, whatever the position error, only from {held:.2f} m"),
         key=lambda place: place.distance_m,
@@ -77,11 +78,7 @@ def distance_for(camera: Camera, gsd_mm: float | None, nearest: NearestPlace, fu
     Raises:
         InfeasibleError: it is less than the smallest; says the best GSD that can be had.
     """
-    if nearest.distance_m > furthest_m:
-        raise InfeasibleError(f"{nearest.because}, and viewpoints are at most {furthest_m:g} m away", field=field)
-    if gsd_mm is None:
-        return furthest_m
-    distance = camera.distance_for_gsd(gsd_mm / 1000)
+    distance = math.inf if gsd_mm is None else camera.distance_for_gsd(gsd_mm / 1000)
     if distance < nearest.distance_m:
         best = 1000 * camera.gsd_at(nearest.distance_m)
         raise InfeasibleError(
@@ -89,4 +86,6 @@ def distance_for(camera: Camera, gsd_mm: float | None, nearest: NearestPlace, fu
             f"{best:.2f} mm",
             field=field,
         )
+    if nearest.distance_m > furthest_m:
+        raise InfeasibleError(f"{nearest.because}, and viewpoints are at most {furthest_m:g} m away", field=field)
     return min(distance, furthest_m)

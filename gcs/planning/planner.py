@@ -12,12 +12,16 @@ import numpy as np
 
 from gcs.core.errors import InfeasibleError
 from gcs.core.plan import Plan, Viewpoint
+from gcs.planning.battery_flights import flights_by_battery, join_flights
+from gcs.planning.bound_beside import bound_beside
 from gcs.planning.certificates import certify
-from gcs.planning.coverage import certify_coverage
+from gcs.planning.coverage import SAMPLES, certify_coverage
 from gcs.planning.distance_field import build_distance_field, choose_pitch
 from gcs.planning.energy import energy_wh, require_battery
 from gcs.planning.fence import fence_volume
 from gcs.planning.free_space import FreeSpace
+from gcs.planning.mesh_simplification import PLANNING_ERROR_M, planning_mesh
+from gcs.planning.partial_inspection import part_of_faces, part_of_scenario
 from gcs.planning.path_search import find_path
 from gcs.planning.point_distance import SceneDistance
 from gcs.planning.safe_corridor import corridor_reach
@@ -26,16 +30,20 @@ from gcs.planning.time_allocation import FlightLimits
 from gcs.planning.tour import Tour, find_tour
 from gcs.planning.trajectory_builder import build_trajectory, estimated_leg_time_s
 from gcs.planning.viewpoints import find_viewpoints, stand_off_reach
+from gcs.planning.ways_home import MARGIN_M
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
     from numpy.typing import ArrayLike, NDArray
 
-    from gcs.core.plan import FaceCoverage, SurfaceCoverage
+    from gcs.core.plan import FaceCoverage, Sortie
     from gcs.core.progress import Progress
     from gcs.core.scenario import Scenario
     from gcs.core.structure import Structure
+    from gcs.core.surface_coverage import SurfaceCoverage
+    from gcs.planning.battery_flights import Flight
+    from gcs.planning.cover_bound import CoverBound
     from gcs.planning.trajectory_builder import BuiltTrajectory
     from gcs.planning.viewpoint_pose import ViewpointPose
 
@@ -45,7 +53,13 @@ MOST_STAND_OFF_M = 40.0
 MOST_DRIFT_M = 2.0
 """A hovering vehicle that is further than this from where it may be has to be flown clear by hand."""
 
+CURVE_ROOM_M = 0.01
+"""What the boxes about the path keep besides the clearance: a certificate may be half of it under the truth."""
+
 OPEN_SKY_STEP_S = 0.1
+
+SAMPLES_OF_PARTS = SAMPLES // 4
+"""Points of the surface that one of several flights is judged by; all of them together are judged by more."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,13 +71,14 @@ class Scene:
 
 
 @dataclass
-class _Stopwatch:
+class Stopwatch:
     """Seconds of each stage, from when it starts to when the next one does."""
 
     seconds: dict[str, float] = field(default_factory=dict)
 
     @contextmanager
     def stage(self, name: str) -> Iterator[None]:
+        """The time of a `with` block."""
         started = time.perf_counter()
         try:
             yield
@@ -87,32 +102,59 @@ def make_plan(scenario: Scenario, structure: Structure, progress: Progress) -> P
         InfeasibleError: there is no plan; says why and what would help.
         OperationCancelled: the progress said so.
     """
-    watch = _Stopwatch()
+    watch = Stopwatch()
     with watch.stage("scene"):
         scene = prepare_scene(scenario, structure, progress)
     with watch.stage("viewpoints"):
         found = find_viewpoints(scenario, structure, scene.space, scene.distance, progress)
-    return plan_tour(scenario, structure, scene, found.poses, progress, watch=watch, faces=found.faces)
+    with bound_beside(found.cover, progress) as bound:
+        plan = plan_tour(scenario, structure, scene, found.poses, progress, watch=watch, faces=found.faces)
+        if found.cover is None:
+            return plan
+        return _with_bound(plan, bound(), fixed=len(found.poses) - len(found.cover.chosen))
+
+
+def _with_bound(plan: Plan, bound: CoverBound | None, fixed: int) -> Plan:
+    """The plan with the bound on its viewpoints, those that are fixed counted in."""
+    if bound is None:
+        return plan
+    least = bound.views + fixed
+    certificates = replace(plan.certificates, viewpoints_lower_bound=least, viewpoints_bound_solved=bound.solved)
+    parts = tuple(_with_part_of_bound(part, least, len(plan.viewpoints)) for part in plan.parts)
+    return replace(plan, certificates=certificates, parts=parts, stages_s={**plan.stages_s, "bound": bound.seconds})
+
+
+def _with_part_of_bound(part: Plan, least: float, viewpoints: int) -> Plan:
+    """A part with its bound: with the viewpoints of the other parts, what covers as much as it covers the whole."""
+    own = max(1.0, least - (viewpoints - len(part.viewpoints)))
+    certificates = replace(part.certificates, viewpoints_lower_bound=own, viewpoints_bound_solved=False)
+    return replace(part, certificates=certificates)
 
 
 def prepare_scene(scenario: Scenario, structure: Structure, progress: Progress) -> Scene:
-    """Distance field and free space about a structure, with room to stand off and to fly over it."""
-    reach = corridor_reach(scenario.safety.corridor_half_width_m)
-    clearance = scenario.centre_clearance_m + reach
+    """Distance field and free space about a structure, with room to stand off and to fly over it.
+
+    Large meshes are simplified for it, and the error is kept besides; exact distances are always those of the full one.
+    """
+    safety = scenario.safety
+    planned = planning_mesh(structure, PLANNING_ERROR_M)
+    clearance = scenario.centre_clearance_m + planned.error_m + CURVE_ROOM_M
     low, high = planning_volume(scenario, structure, clearance)
-    field_ = build_distance_field(structure, low, high, choose_pitch(low, high, clearance), progress)
-    fence = fence_volume(scenario.fence, scenario.vehicle, scenario.safety)
-    fence = fence._replace(margin_m=fence.margin_m + reach)
+    distance = SceneDistance(structure, scenario.ground_m)
+    field_ = build_distance_field(planned.structure, low, high, choose_pitch(low, high, clearance), progress)
+    own_return = scenario.vehicle.radius_m + safety.position_m + safety.model_m + MARGIN_M
     space = FreeSpace(
         field_,
         clearance,
         scenario.ground_m,
         scenario.home_m,
-        fence,
+        fence_volume(scenario.fence, scenario.vehicle, safety),
         progress,
-        climb_clearance_m=scenario.centre_clearance_m,
+        reach_m=corridor_reach(safety.corridor_half_width_m),
+        climb_clearance_m=min(own_return, scenario.centre_clearance_m) + planned.error_m,
+        surfaces=distance.surfaces if planned.structure is structure else None,
     )
-    return Scene(SceneDistance(structure, scenario.ground_m), space)
+    return Scene(distance, space)
 
 
 def planning_volume(
@@ -137,7 +179,7 @@ def plan_tour(
     poses: Sequence[ViewpointPose],
     progress: Progress,
     *,
-    watch: _Stopwatch | None = None,
+    watch: Stopwatch | None = None,
     faces: tuple[FaceCoverage, ...] = (),
 ) -> Plan:
     """Order the viewpoints, fly them from home and back, and certify the whole.
@@ -154,24 +196,106 @@ def plan_tour(
     Raises:
         InfeasibleError: a viewpoint cannot be reached, a certificate does not hold, or the battery is too small.
     """
-    watch = watch or _Stopwatch()
+    watch = watch or Stopwatch()
     vehicle = scenario.vehicle
     limits = FlightLimits(vehicle.max_speed_m_s, vehicle.max_acceleration_m_s2, vehicle.max_jerk_m_s3)
-    with watch.stage("tour"):
-        tour = find_tour(
+    places = np.array([p.position_m for p in poses]).reshape(-1, 3)
+    names = [p.name for p in poses]
+
+    def leg_time(lengths: NDArray[np.float64]) -> NDArray[np.float64]:
+        return estimated_leg_time_s(lengths, limits)
+
+    def tour_through(some: Sequence[int]) -> Tour:
+        return find_tour(
             scene.space,
             scenario.home_m,
-            np.array([p.position_m for p in poses]),
+            places[list(some)],
             scenario.planner,
-            lambda lengths: estimated_leg_time_s(lengths, limits),
+            leg_time,
             progress,
-            names=[p.name for p in poses],
+            names=[names[k] for k in some],
         )
-    built = _build(scenario, tour, poses, progress, watch)
-    viewpoints = tuple(_visited(k, k, poses[int(n)], built) for k, n in enumerate(tour.order))
+
+    with watch.stage("tour"):
+        whole = tour_through(range(len(poses)))
+    with watch.stage("trajectory"):
+        flights = flights_by_battery(
+            scenario,
+            scene.space,
+            whole,
+            places,
+            names,
+            leg_time,
+            tour_through,
+            lambda tour: build_flight(scenario, scene.space, tour, poses, progress, watch),
+            progress,
+        )
+    if len(flights) == 1:
+        return plan_of_flight(scenario, structure, scene, flights[0], poses, faces, progress, watch)
+    joined, sorties = join_flights(flights, whole.lower_bound, scenario.safety.corridor_half_width_m, scene.space)
+    plan = plan_of_flight(scenario, structure, scene, joined, poses, faces, progress, watch, sorties=sorties)
+    with watch.stage("sorties"):
+        parts = []
+        for number, (flight, sortie) in enumerate(zip(flights, sorties, strict=True), start=1):
+            mine = {names[k] for k in flight.tour.order}
+            part = part_of_scenario(scenario, mine, f"sortie {number} of {len(flights)}")
+            seen = part_of_faces(scenario, faces, mine)
+            parts.append(
+                plan_of_flight(
+                    part,
+                    structure,
+                    scene,
+                    flight,
+                    poses,
+                    seen,
+                    progress,
+                    Stopwatch(),
+                    first_id=sortie.viewpoints[0],
+                    samples=SAMPLES_OF_PARTS,
+                )
+            )
+    return replace(plan, parts=tuple(parts))
+
+
+def plan_of_flight(
+    scenario: Scenario,
+    structure: Structure,
+    scene: Scene,
+    flight: Flight,
+    poses: Sequence[ViewpointPose],
+    faces: tuple[FaceCoverage, ...],
+    progress: Progress,
+    watch: Stopwatch,
+    *,
+    first_id: int = 0,
+    sorties: tuple[Sortie, ...] = (),
+    samples: int = SAMPLES,
+) -> Plan:
+    """The plan of a flight through some of the poses, with what they cover.
+
+    Args:
+        scenario: what this flight is asked for.
+        structure: the placed structure.
+        scene: with the flight's home.
+        flight: its tour numbers the poses.
+        poses: all of them.
+        faces: what became of their cells in this flight.
+        progress: told of the stages `coverage` and `certificates`; may cancel.
+        watch: takes the stages' times.
+        first_id: of its first viewpoint.
+        sorties: when it is several in a row.
+        samples: points of the surface that the coverage is judged by.
+
+    Raises:
+        InfeasibleError: a certificate does not hold, or the battery is too small.
+    """
+    tour, built = flight.tour, flight.built
+    viewpoints = tuple(_visited(first_id + k, k, poses[int(n)], built) for k, n in enumerate(tour.order))
     with watch.stage("coverage"):
-        coverage = certify_coverage(scenario, structure, viewpoints, scene.space.model.fence, scene.distance, progress)
-    plan = _certified(scenario, structure, scene, tour, built, viewpoints, coverage, progress, watch)
+        coverage = certify_coverage(
+            scenario, structure, viewpoints, scene.space.model.fence, scene.distance, progress, samples=samples
+        )
+    plan = _certified(scenario, structure, scene, tour, built, viewpoints, coverage, progress, watch, sorties)
     return replace(plan, faces=faces)
 
 
@@ -205,8 +329,8 @@ def plan_rest(
         legs[0] = np.vstack([start, legs[0]])
     length = sum(path_length(leg) for leg in legs)
     tour = Tour(np.arange(len(remaining)), legs, length, length, "length", len(legs))
-    watch = _Stopwatch()
-    built = _build(scenario, tour, remaining, progress, watch)
+    watch = Stopwatch()
+    built = build_flight(scenario, scene.space, tour, remaining, progress, watch)
     viewpoints = tuple(_visited(v.id, k, v, built) for k, v in enumerate(remaining))
     return _certified(scenario, structure, scene, tour, built, viewpoints, None, progress, watch)
 
@@ -215,7 +339,7 @@ def _into_free_space(space: FreeSpace, point: NDArray[np.float64]) -> NDArray[np
     """The point itself if it is free, else the nearest reachable cell's centre within a short way."""
     if space.is_reachable(point[None])[0]:
         return point
-    cells = np.argwhere(space.reachable_mask)
+    cells = np.argwhere(space.wide_mask)
     centres = space.centre_of(cells)
     distance = np.linalg.norm(centres - point, axis=1)
     nearest = int(distance.argmin())
@@ -226,17 +350,19 @@ def _into_free_space(space: FreeSpace, point: NDArray[np.float64]) -> NDArray[np
     return np.asarray(centres[nearest])
 
 
-def _build(
+def build_flight(
     scenario: Scenario,
+    space: FreeSpace,
     tour: Tour,
     poses: Sequence[ViewpointPose | Viewpoint],
     progress: Progress,
-    watch: _Stopwatch,
+    watch: Stopwatch,
 ) -> BuiltTrajectory:
+    """The trajectory of a tour that numbers the poses."""
     ordered = [poses[int(k)] for k in tour.order]
     with watch.stage("trajectory"):
         yaw, pitch = np.array([p.yaw_rad for p in ordered]), np.array([p.gimbal_pitch_rad for p in ordered])
-        return build_trajectory(tour.legs_m, yaw, pitch, scenario, progress)
+        return build_trajectory(tour.legs_m, yaw, pitch, scenario, progress, space=space)
 
 
 def _certified(
@@ -248,11 +374,13 @@ def _certified(
     viewpoints: tuple[Viewpoint, ...],
     coverage: SurfaceCoverage | None,
     progress: Progress,
-    watch: _Stopwatch,
+    watch: Stopwatch,
+    sorties: tuple[Sortie, ...] = (),
 ) -> Plan:
     with watch.stage("certificates"):
-        energy = energy_wh(built.trajectory, scenario.vehicle.mass_kg)
-        require_battery(energy, scenario.vehicle.battery)
+        ends = [(s.start_s, s.end_s) for s in sorties] or [(0.0, built.trajectory.duration_s)]
+        energies = [energy_wh(built.trajectory, scenario.vehicle, start, end) for start, end in ends]
+        require_battery(max(energies), scenario.vehicle.battery)
         path, stops = _joined(tour)
         certificates = certify(
             built,
@@ -264,7 +392,7 @@ def _certified(
             coverage=coverage,
             tour_cost=tour.cost,
             tour_lower_bound=tour.lower_bound,
-            energy_wh=energy,
+            energy_wh=sum(energies),
             open_sky=_open_sky_share(scene.space, built),
         )
     return Plan(
@@ -280,6 +408,7 @@ def _certified(
         coverage=coverage,
         certificates=certificates,
         stages_s=watch.seconds,
+        sorties=sorties,
     )
 
 

@@ -9,13 +9,19 @@ import numpy as np
 
 from gcs.planning.bounding_volumes import STACK_SIZE, BoundingVolumes, build_bounding_volumes
 from gcs.planning.compiled import compiled
+from gcs.planning.thread_pieces import in_pieces
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
     from gcs.core.structure import Structure
 
+LEAST_POINTS = 512
+"""Fewest points that are worth a thread."""
+
 Floats = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
+
+_NO_CABLES, _NO_RADII = np.zeros((0, 2, 3)), np.zeros(0)
 
 
 @compiled
@@ -64,48 +70,73 @@ def _box_distance_squared(p: Floats, low: Floats, high: Floats) -> float:
 
 
 @compiled
-def _nearest(points: Floats, limit: Floats, triangles: Floats, tree: BoundingVolumes, result: Floats) -> None:
+def nearest_surface(p: Floats, limit: float, triangles: Floats, tree: BoundingVolumes) -> float:
+    """Distance (m) of a point (3,) to the nearest triangle, at most `limit`.
+
+    Args:
+        p: the point.
+        limit: nothing further than this is looked for.
+        triangles: corners in the order of the tree's leaves, shape (F, 3, 3).
+        tree: boxes about the triangles.
+    """
     stack = np.empty(STACK_SIZE, np.int64)
     stack_distance = np.empty(STACK_SIZE)
-    for i in range(points.shape[0]):
-        p = points[i]
-        best = limit[i] * limit[i]
-        stack[0] = 0
-        stack_distance[0] = _box_distance_squared(p, tree.low[0], tree.high[0])
-        top = 1
-        while top > 0:
-            top -= 1
-            node = stack[top]
-            if stack_distance[top] >= best:
-                continue
-            if tree.size[node] > 0:
-                for j in range(tree.first[node], tree.first[node] + tree.size[node]):
-                    best = min(best, _triangle_distance_squared(p, triangles[tree.order[j]]))
-                continue
-            near = tree.first[node]
-            far = near + 1
-            near_distance = _box_distance_squared(p, tree.low[near], tree.high[near])
-            far_distance = _box_distance_squared(p, tree.low[far], tree.high[far])
-            if far_distance < near_distance:
-                near, far = far, near
-                near_distance, far_distance = far_distance, near_distance
-            if far_distance < best:
-                stack[top] = far
-                stack_distance[top] = far_distance
-                top += 1
-            if near_distance < best:
-                stack[top] = near
-                stack_distance[top] = near_distance
-                top += 1
-        result[i] = math.sqrt(best)
+    best = limit * limit
+    stack[0] = 0
+    stack_distance[0] = _box_distance_squared(p, tree.low[0], tree.high[0])
+    top = 1
+    while top > 0:
+        top -= 1
+        node = stack[top]
+        if stack_distance[top] >= best:
+            continue
+        if tree.size[node] > 0:
+            for j in range(tree.first[node], tree.first[node] + tree.size[node]):
+                best = min(best, _triangle_distance_squared(p, triangles[j]))
+            continue
+        near = tree.first[node]
+        far = near + 1
+        near_distance = _box_distance_squared(p, tree.low[near], tree.high[near])
+        far_distance = _box_distance_squared(p, tree.low[far], tree.high[far])
+        if far_distance < near_distance:
+            near, far = far, near
+            near_distance, far_distance = far_distance, near_distance
+        if far_distance < best:
+            stack[top] = far
+            stack_distance[top] = far_distance
+            top += 1
+        if near_distance < best:
+            stack[top] = near
+            stack_distance[top] = near_distance
+            top += 1
+    return math.sqrt(best)
 
 
 @compiled
-def _nearest_cable(points: Floats, ends: Floats, radii: Floats, result: Floats) -> None:
-    for i in range(points.shape[0]):
-        for c in range(ends.shape[0]):
-            axis = math.sqrt(_segment_distance_squared(points[i], ends[c, 0], ends[c, 1]))
-            result[i] = min(result[i], max(axis - radii[c], 0.0))
+def nearest_cable(p: Floats, ends: Floats, radii: Floats) -> float:
+    """Distance (m) of a point (3,) to the nearest cable's hull, 0 inside; inf without cables."""
+    nearest = math.inf
+    for c in range(ends.shape[0]):
+        axis = math.sqrt(_segment_distance_squared(p, ends[c, 0], ends[c, 1]))
+        nearest = min(nearest, max(axis - radii[c], 0.0))
+    return nearest
+
+
+@compiled
+def _nearest(
+    points: Floats,
+    limit: Floats,
+    triangles: Floats,
+    tree: BoundingVolumes,
+    ends: Floats,
+    radii: Floats,
+    result: Floats,
+    first: int,
+    end: int,
+) -> None:
+    for i in range(first, end):
+        surface = nearest_surface(points[i], limit[i], triangles, tree)
+        result[i] = min(surface, nearest_cable(points[i], ends, radii))
 
 
 def _as_points(points: ArrayLike) -> Floats:
@@ -117,11 +148,16 @@ class TriangleDistance:
 
     Args:
         triangles_m: corners, shape (F, 3, 3), F > 0.
+
+    Attributes:
+        tree: boxes about the triangles.
+        triangles_m: corners in the order of the tree's leaves, shape (F, 3, 3).
     """
 
     def __init__(self, triangles_m: NDArray[np.float64]) -> None:
-        self._triangles = np.ascontiguousarray(triangles_m, dtype=np.float64)
-        self._tree = build_bounding_volumes(self._triangles.min(axis=1), self._triangles.max(axis=1))
+        triangles = np.ascontiguousarray(triangles_m, dtype=np.float64)
+        self.tree = build_bounding_volumes(triangles)
+        self.triangles_m = triangles[self.tree.order]
 
     def distance(self, points: ArrayLike, limit: ArrayLike = math.inf) -> NDArray[np.float64]:
         """Distances (m) of points.
@@ -134,11 +170,21 @@ class TriangleDistance:
         Returns:
             Shape (N,).
         """
-        p = _as_points(points)
-        result = np.empty(len(p))
-        limits = np.ascontiguousarray(np.broadcast_to(np.asarray(limit, dtype=np.float64), (len(p),)))
-        _nearest(p, limits, self._triangles, self._tree, result)
-        return result
+        return _distances(points, limit, self, _NO_CABLES, _NO_RADII)
+
+
+def _distances(
+    points: ArrayLike, limit: ArrayLike, surfaces: TriangleDistance, ends: Floats, radii: Floats
+) -> NDArray[np.float64]:
+    p = _as_points(points)
+    result = np.empty(len(p))
+    limits = np.ascontiguousarray(np.broadcast_to(np.asarray(limit, dtype=np.float64), (len(p),)))
+    in_pieces(
+        lambda first, end: _nearest(p, limits, surfaces.triangles_m, surfaces.tree, ends, radii, result, first, end),
+        len(p),
+        LEAST_POINTS,
+    )
+    return result
 
 
 class SceneDistance:
@@ -147,10 +193,14 @@ class SceneDistance:
     Args:
         structure: what stands in the scene.
         ground_m: height of the flat ground; None when there is none.
+
+    Attributes:
+        surfaces: the triangles alone.
+        ground_m: as given.
     """
 
     def __init__(self, structure: Structure, ground_m: float | None) -> None:
-        self._triangles = TriangleDistance(structure.triangles_m)
+        self.surfaces = TriangleDistance(structure.triangles_m)
         self._cable_ends = np.ascontiguousarray(structure.cable_ends_m)
         self._cable_radii = np.ascontiguousarray(structure.cable_radii_m)
         self.ground_m = ground_m
@@ -169,8 +219,7 @@ class SceneDistance:
             Shape (N,).
         """
         p = _as_points(points)
-        result = self._triangles.distance(p, limit)
-        _nearest_cable(p, self._cable_ends, self._cable_radii, result)
+        result = _distances(p, limit, self.surfaces, self._cable_ends, self._cable_radii)
         if self.ground_m is not None:
             height = p[:, 2] - self.ground_m
             result = np.where(np.asarray(ground), np.minimum(result, height), result)

@@ -4,6 +4,10 @@ Room is a lower bound that never changes by more than the distance moved (it is 
 `r` proves the whole ball of radius `r` about it. A straight segment is proved by walking along it from ball to ball:
 no resolution is lost, wherever its ends are. The distance field answers while there is much room, the exact distance
 to the triangles where there is little.
+
+Besides the clearance a model may keep an extra distance everywhere but about given spots: with it, a path that starts
+in a tight place may leave that place, and has to keep the larger distance elsewhere. The extra rises from 0 at the
+spot's edge by a metre a metre, so room then changes by at most twice the distance moved.
 """
 
 from __future__ import annotations
@@ -16,7 +20,7 @@ import numpy as np
 from gcs.planning.bounding_volumes import BoundingVolumes
 from gcs.planning.compiled import compiled
 from gcs.planning.fence import FenceVolume, fence_room
-from gcs.planning.point_distance import _nearest, _nearest_cable
+from gcs.planning.point_distance import nearest_cable, nearest_surface
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -38,8 +42,12 @@ class RoomModel(NamedTuple):
         pitch: edge of the cells (m).
         tolerance: room that a free point has at least (m); it bounds the number of steps along a segment.
         clearance: distance that the centre keeps from surfaces and the ground (m).
+        extra: what it keeps besides, from the fence too, away from the spots (m).
+        spots: places about which the extra is not kept, shape (K, 3).
+        spot_radius: how far about them (m).
         distance: lower bound of the distance at the cells' centres, shape (nx, ny, nz), float32.
-        triangles: corners, shape (F, 3, 3).
+        looseness: how far the true distance of a centre may lie above that (m).
+        triangles: corners in the order of the tree's leaves, shape (F, 3, 3).
         tree: boxes about the triangles.
         cable_ends: shape (C, 2, 3).
         cable_radii: shape (C,).
@@ -53,7 +61,11 @@ class RoomModel(NamedTuple):
     pitch: float
     tolerance: float
     clearance: float
+    extra: float
+    spots: NDArray[np.float64]
+    spot_radius: float
     distance: NDArray[np.float32]
+    looseness: float
     triangles: NDArray[np.float64]
     tree: BoundingVolumes
     cable_ends: NDArray[np.float64]
@@ -66,22 +78,31 @@ class RoomModel(NamedTuple):
 @compiled
 def exact_distance(point: Floats, limit: float, model: RoomModel) -> float:
     """Distance (m) of a point (3,) to triangles and cable hulls, at most `limit`."""
-    points = point.reshape(1, 3)
-    result = np.empty(1)
-    _nearest(points, np.full(1, limit), model.triangles, model.tree, result)
-    _nearest_cable(points, model.cable_ends, model.cable_radii, result)
-    return float(result[0])
+    surface = nearest_surface(point, limit, model.triangles, model.tree)
+    return float(min(surface, nearest_cable(point, model.cable_ends, model.cable_radii)))
 
 
 @compiled
-def rule_room(point: Floats, model: RoomModel) -> float:
+def extra_at(point: Floats, model: RoomModel) -> float:
+    """What a point (3,) has to keep besides the clearance (m)."""
+    extra = model.extra
+    for s in range(model.spots.shape[0]):
+        square = 0.0
+        for k in range(3):
+            square += (point[k] - model.spots[s, k]) ** 2
+        extra = min(extra, max(math.sqrt(square) - model.spot_radius, 0.0))
+    return extra
+
+
+@compiled
+def rule_room(point: Floats, extra: float, model: RoomModel) -> float:
     """Room (m) that the ground and the fence leave at a point (3,)."""
-    above = point[2] - model.ground - model.clearance
+    above = point[2] - model.ground - model.clearance - extra
     if above < HOME_COLUMN_RADIUS_M:
         aside = math.hypot(point[0] - model.home[0], point[1] - model.home[1])
         column = min(HOME_COLUMN_RADIUS_M - aside, point[2] - model.home[2] + 2 * model.tolerance)
         above = max(above, column)
-    return float(min(above, fence_room(point[0], point[1], point[2], model.fence)))
+    return float(min(above, fence_room(point[0], point[1], point[2], model.fence) - extra))
 
 
 @compiled
@@ -93,35 +114,53 @@ def inside_grid(point: Floats, model: RoomModel) -> bool:
 
 
 @compiled
-def room_at(point: Floats, model: RoomModel) -> float:
-    """Room (m) at a point (3,) inside the grid; a lower bound that is exact where less than a pitch is left."""
-    room = rule_room(point, model)
-    if room < 0.0:
-        return room
-    i = int((point[0] - model.low[0]) / model.pitch)
-    j = int((point[1] - model.low[1]) / model.pitch)
-    k = int((point[2] - model.low[2]) / model.pitch)
-    i, j, k = (
-        min(i, model.distance.shape[0] - 1),
-        min(j, model.distance.shape[1] - 1),
-        min(k, model.distance.shape[2] - 1),
-    )
+def bound_at(point: Floats, model: RoomModel) -> tuple[float, float]:
+    """The grid's lower and upper bound of the distance (m) of a point (3,) inside the grid."""
+    i = min(int((point[0] - model.low[0]) / model.pitch), model.distance.shape[0] - 1)
+    j = min(int((point[1] - model.low[1]) / model.pitch), model.distance.shape[1] - 1)
+    k = min(int((point[2] - model.low[2]) / model.pitch), model.distance.shape[2] - 1)
     dx = point[0] - model.low[0] - (i + 0.5) * model.pitch
     dy = point[1] - model.low[1] - (j + 0.5) * model.pitch
     dz = point[2] - model.low[2] - (k + 0.5) * model.pitch
-    bound = model.distance[i, j, k] - math.sqrt(dx * dx + dy * dy + dz * dz) - model.clearance
+    off = math.sqrt(dx * dx + dy * dy + dz * dz)
+    distance = float(model.distance[i, j, k])
+    return distance - off, distance + model.looseness + off
+
+
+@compiled
+def room_at(point: Floats, model: RoomModel) -> float:
+    """Room (m) at a point (3,) inside the grid; a lower bound that is exact where less than a pitch is left."""
+    extra = extra_at(point, model)
+    keep = model.clearance + extra
+    room = rule_room(point, extra, model)
+    if room < 0.0:
+        return room
+    bound = bound_at(point, model)[0] - keep
     if bound < model.pitch:
-        bound = max(bound, exact_distance(point, model.clearance + model.pitch, model) - model.clearance)
+        bound = max(bound, exact_distance(point, keep + model.pitch, model) - keep)
     return float(min(room, bound))
 
 
 @compiled
-def points_free(points: Floats, model: RoomModel) -> Marks:
-    """Whether there is room at points (N, 3)."""
-    result = np.zeros(points.shape[0], np.bool_)
-    for n in range(points.shape[0]):
-        result[n] = inside_grid(points[n], model) and room_at(points[n], model) >= model.tolerance
-    return result
+def point_free(point: Floats, model: RoomModel) -> bool:
+    """Whether there is room at a point (3,); the exact distance is asked only where the grid leaves it open."""
+    if not inside_grid(point, model):
+        return False
+    extra = extra_at(point, model)
+    if rule_room(point, extra, model) < model.tolerance:
+        return False
+    needed = model.clearance + extra + model.tolerance
+    low, high = bound_at(point, model)
+    if low >= needed or high < needed:
+        return bool(low >= needed)
+    return bool(exact_distance(point, needed, model) >= needed)
+
+
+@compiled
+def points_free(points: Floats, model: RoomModel, result: Marks, first: int, end: int) -> None:
+    """Whether there is room at the points `first` to `end` of (N, 3); into `result`, shape (N,)."""
+    for n in range(first, end):
+        result[n] = point_free(points[n], model)
 
 
 @compiled
@@ -132,6 +171,7 @@ def segment_free(a: Floats, b: Floats, least: float, model: RoomModel) -> bool:
     never falls below `least / 2`, so a segment that passes passes again, part by part and in either direction, with
     half of it.
     """
+    rate = 0.5 if model.extra > 0.0 and model.spots.shape[0] > 0 else 1.0
     if not (inside_grid(a, model) and inside_grid(b, model)):
         return False
     length = math.sqrt((b[0] - a[0]) ** 2 + (b[1] - a[1]) ** 2 + (b[2] - a[2]) ** 2)
@@ -143,7 +183,7 @@ def segment_free(a: Floats, b: Floats, least: float, model: RoomModel) -> bool:
             return False
         if at >= length:
             return True
-        at = min(at + room, length)
+        at = min(at + rate * room, length)
         share = at / length
         for k in range(3):
             point[k] = a[k] + share * (b[k] - a[k])
@@ -172,7 +212,7 @@ def nearest_linked_cell(point: Floats, allowed: Marks, offsets: Ints, model: Roo
     Returns:
         Whether one was found.
     """
-    if not inside_grid(point, model) or room_at(point, model) < model.tolerance:
+    if not point_free(point, model):
         return False
     centre = np.empty(3)
     for o in range(offsets.shape[0]):
@@ -187,40 +227,43 @@ def nearest_linked_cell(point: Floats, allowed: Marks, offsets: Ints, model: Roo
 
 
 @compiled
-def points_linked(points: Floats, allowed: Marks, offsets: Ints, model: RoomModel) -> Marks:
-    """`nearest_linked_cell` for many points (N, 3): whether one was found."""
-    result = np.zeros(points.shape[0], np.bool_)
+def points_linked(
+    points: Floats, allowed: Marks, offsets: Ints, model: RoomModel, result: Marks, first: int, end: int
+) -> None:
+    """`nearest_linked_cell` for the points `first` to `end` of (N, 3): whether one was found, into `result` (N,)."""
     cell = np.empty(3, np.int64)
-    for n in range(points.shape[0]):
+    for n in range(first, end):
         result[n] = nearest_linked_cell(points[n], allowed, offsets, model, cell)
-    return result
 
 
 @compiled
-def refine_shell(low: float, high: float, most: float, model: RoomModel) -> int:
-    """Put the exact distance at the centres where the bound leaves open on which side of two thresholds they are.
+def refine_shell(thresholds: Floats, model: RoomModel, first: int, end: int) -> None:
+    """Put the exact distance at the centres where the bound leaves open on which side of a threshold they are.
 
     Args:
-        low: lower threshold (m): with a true distance below it a cell is certainly not wanted.
-        high: higher threshold (m): with a bound above it nothing is open.
-        most: how far the true distance may lie above the bound (m).
-        model: its `distance` is refined in place.
-
-    Returns:
-        How many centres were computed.
+        thresholds: distances (m) in ascending order.
+        model: its `distance` is refined in place, in the planes `first` to `end` of constant x.
+        first: first plane.
+        end: one past the last.
     """
-    count = 0
     centre = np.empty(3)
-    nx, ny, nz = model.distance.shape
-    for i in range(nx):
-        for j in range(ny):
-            for k in range(nz):
+    for i in range(first, end):
+        for j in range(model.distance.shape[1]):
+            near = math.inf  # bound of the distance of the centre at hand, by the one computed last
+            for k in range(model.distance.shape[2]):
+                near += model.pitch
                 bound = model.distance[i, j, k]
-                if bound < high and bound + most >= low:
-                    centre[0] = model.low[0] + (i + 0.5) * model.pitch
-                    centre[1] = model.low[1] + (j + 0.5) * model.pitch
-                    centre[2] = model.low[2] + (k + 0.5) * model.pitch
-                    exact = exact_distance(centre, high, model)
-                    model.distance[i, j, k] = max(bound, exact * (1.0 - 1e-6))
-                    count += 1
-    return count
+                highest = -1.0
+                for t in range(thresholds.shape[0]):
+                    if bound < thresholds[t] and bound + model.looseness >= thresholds[t]:
+                        highest = thresholds[t]
+                if highest < 0.0 or near < thresholds[0]:
+                    continue
+                centre[0] = model.low[0] + (i + 0.5) * model.pitch
+                centre[1] = model.low[1] + (j + 0.5) * model.pitch
+                centre[2] = model.low[2] + (k + 0.5) * model.pitch
+                limit = highest + 1e-3
+                exact = exact_distance(centre, min(limit, near * (1.0 + 1e-12)), model)
+                if exact < limit:
+                    near = exact
+                model.distance[i, j, k] = max(bound, exact * (1.0 - 1e-6))

@@ -4,6 +4,10 @@ Straights are cut into sub-legs, and every sub-leg gets its bounding box grown b
 slanting sub-leg reaches further from the leg than the box of one along an axis, so slanting sub-legs are cut short and
 their margin is taken smaller: no point of any box is further than `corridor_reach` from its leg. A search that keeps
 the clearance plus that reach on the legs has therefore cleared the boxes whole.
+
+Where a leg runs nearer than that, in the tight space, each box is proved clear by itself: it grows from the sub-leg's
+bounding box towards the box it would have had, on every side as far as it stays clear, and a sub-leg whose bounding box
+is not clear is halved.
 """
 
 from __future__ import annotations
@@ -18,15 +22,22 @@ import numpy as np
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from gcs.planning.free_space import FreeSpace
+
 COLUMN_HALF_WIDTH_M = 0.1
 """Half-width of the boxes of the vertical take-off and landing column: it keeps the curve over home near the ground."""
 
 SMALLEST_MARGIN = 0.55
 """Sub-legs are cut so short that their margin is at least this share of the corridor's half-width."""
 
-
 SHORTEST = 0.2
 """Corners nearer to each other than this share of the half-width become one: tiny pieces make stiff problems."""
+
+LEAST_MARGIN_M = 0.003
+"""Smallest margin of a box in a tight place."""
+
+SHORTEST_CUT_M = 0.02
+"""Sub-legs are not halved below this length; what is not clear then is left to the certificates."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,6 +73,7 @@ def build_corridor(
     *,
     column_at_start: bool = False,
     column_at_end: bool = False,
+    space: FreeSpace | None = None,
 ) -> LegCorridor:
     """Cut a leg into segments and box them.
 
@@ -71,9 +83,11 @@ def build_corridor(
         longest_m: longest sub-leg; it bounds what one polynomial has to do.
         column_at_start: the leg starts on the ground with a vertical take-off: slim boxes, never under the start.
         column_at_end: the same for a vertical landing at the end.
+        space: where the leg is free; without it the leg keeps the reach everywhere.
 
     Returns:
-        The corridor; all its boxes lie within `corridor_reach(half_width_m)` of the leg.
+        The corridor; all its boxes lie within `corridor_reach(half_width_m)` of the leg, and those about free sub-legs
+        keep the clearance.
 
     Raises:
         ValueError: the leg has no length.
@@ -84,6 +98,8 @@ def build_corridor(
     fixed = {0, last} | ({1} if column_start else set()) | ({last - 1} if column_end else set())
     merged_m = SHORTEST * half_width_m
     kept = _merge_corners(leg_m, fixed, merged_m)
+    if space is not None and not space.segments_free(leg_m[kept[:-1]], leg_m[kept[1:]], model=space.wide_model).all():
+        kept = _merge_corners(leg_m, fixed, 1e-9)
     corners = leg_m[kept]
     if len(corners) < 2 or np.linalg.norm(np.diff(corners, axis=0), axis=1).min() < 1e-9:
         raise ValueError("a leg needs two different points")
@@ -101,9 +117,45 @@ def build_corridor(
         low, high = low - margin, high + margin
         if column:
             low[:, 2] = np.maximum(low[:, 2], min(a[2], b[2]))
+        if space is not None and not column and not space.segment_free(a, b, model=space.wide_model):
+            parts = [
+                _fitted(c, d, np.stack(box), space) for c, d, *box in zip(ends[:-1], ends[1:], low, high, strict=True)
+            ]
+            joints += [part[0] for part in parts]
+            boxes += [part[1] for part in parts]
+            continue
         joints.append(ends[1:])
         boxes.append(np.stack([low, high], axis=1))
     return LegCorridor(np.concatenate(joints), np.concatenate(boxes))
+
+
+def stop_box(stop_m: NDArray[np.float64], half_width_m: float, space: FreeSpace | None = None) -> NDArray[np.float64]:
+    """The box about a stop (3,), smaller where the space is tight; shape (2, 3)."""
+    box = np.stack([stop_m - half_width_m, stop_m + half_width_m])
+    if space is None or space.is_wide(stop_m)[0] or not space.is_free(stop_m)[0]:
+        return box
+    (found,) = _fitted(stop_m, stop_m, box, space)[1]
+    return np.asarray(found)
+
+
+def _fitted(
+    a: NDArray[np.float64], b: NDArray[np.float64], box: NDArray[np.float64], space: FreeSpace
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Cut a sub-leg until a clear box can be had about each part, within the box it would have had.
+
+    Returns:
+        Ends of the parts, shape (n, 3), and their boxes, shape (n, 2, 3).
+    """
+    if space.box_free(*box):
+        return b[None], box[None]
+    low, high = np.minimum(a, b) - LEAST_MARGIN_M, np.maximum(a, b) + LEAST_MARGIN_M
+    if space.box_free(low, high):
+        return b[None], space.grown_box(low, high, *box)[None]
+    if math.dist(a, b) < 2 * SHORTEST_CUT_M:
+        return b[None], box[None]
+    middle = (a + b) / 2
+    first, second = _fitted(a, middle, box, space), _fitted(middle, b, box, space)
+    return np.concatenate([first[0], second[0]]), np.concatenate([first[1], second[1]])
 
 
 def _merge_corners(leg_m: NDArray[np.float64], fixed: set[int], merged_m: float) -> list[int]:

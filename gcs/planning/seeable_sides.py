@@ -112,10 +112,8 @@ def find_seeable(
         todo = np.arange(len(sides)) if round_ < TRIES else np.flatnonzero(~found)
         draws = rng.random((len(todo), 3), dtype=np.float32)
         tilt = 0.0 if round_ == 0 else steepest
-        look = partial(
-            _look, points, normals, todo, draws, _Tries(tilt, round_ % 2 == 0, nearest_m, furthest_m), limits, cells, low,
-            space.pitch_m, sight,
-        )  # fmt: skip
+        tries = _Tries(tilt, round_ % 2 == 0, nearest_m, furthest_m)
+        look = partial(_look, points, normals, todo, draws, tries, limits, cells, low, space.pitch_m, sight)
         got = in_threads(look, range(0, len(todo), SIDES_AT_A_TIME), partial(_tell, poll, round_, rounds))
         which = np.concatenate([g[0] for g in got])
         where = np.concatenate([g[1] for g in got])

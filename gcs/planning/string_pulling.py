@@ -30,7 +30,9 @@ Floats = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 Marks = np.ndarray[tuple[int, ...], np.dtype[np.bool_]]
 
 
-def pull_string(space: FreeSpace, path_m: NDArray[np.float64], *, keep_open_sky: bool = True) -> NDArray[np.float64]:
+def pull_string(
+    space: FreeSpace, path_m: NDArray[np.float64], *, keep_open_sky: bool = True, model: RoomModel | None = None
+) -> NDArray[np.float64]:
     """Shorten a free path between its fixed ends.
 
     Drops every corner that can be skipped and moves the others inwards as far as the space allows, in turns; then
@@ -40,6 +42,7 @@ def pull_string(space: FreeSpace, path_m: NDArray[np.float64], *, keep_open_sky:
         space: where the path may run.
         path_m: corner points of a free path, shape (K, 3).
         keep_open_sky: whether a change may not lengthen the part that is not under the open sky.
+        model: of the space that changes have to stay in; the wide one by default.
 
     Returns:
         Corner points with the same first and last point, shape (L, 3), never longer than before.
@@ -47,7 +50,7 @@ def pull_string(space: FreeSpace, path_m: NDArray[np.float64], *, keep_open_sky:
     path = np.ascontiguousarray(path_m, dtype=np.float64)
     if len(path) < 3:
         return path
-    return _pull(path[_corners(path)], space.model, space.sky, keep_open_sky)
+    return _pull(path[_corners(path)], model or space.wide_model, space.sky, keep_open_sky)
 
 
 def path_length(path_m: NDArray[np.float64]) -> float:
@@ -88,7 +91,21 @@ def _settle(path: Floats, model: RoomModel, sky: OpenSky, keep: bool) -> Floats:
         if gained < WORTHWHILE * length:
             break
         path = _skip(path, model, sky, keep)
-    return path
+    return _distinct(path)
+
+
+@compiled
+def _distinct(path: Floats) -> Floats:
+    """Without corners that were moved onto the one before, or onto the end."""
+    kept = np.ones(path.shape[0], np.bool_)
+    last = path.shape[0] - 1
+    at = 0
+    for i in range(1, last):
+        if _distance(path[at], path[i]) == 0.0 or _distance(path[i], path[last]) == 0.0:
+            kept[i] = False
+        else:
+            at = i
+    return path[kept]
 
 
 @compiled

@@ -1,195 +1,231 @@
-"""Candidate views of a surface: free places in front of it, what can be seen from each, and where to aim."""
+"""Candidate views of a surface: what can be seen from free places, and where to aim from there."""
 
 from __future__ import annotations
 
-import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from gcs.planning.camera_footprint import footprint_area, furthest_in_image
-from gcs.planning.coverage import random_places
-from gcs.planning.viewpoint_pose import camera_angles, camera_axes, gimbal_pitch_range_rad
+from gcs.planning.compiled import compiled
+from gcs.planning.picture_kernels import (
+    PictureLimits,
+    ShortInts,
+    aim_pictures,
+    facing_targets,
+    kept,
+    pictured_targets,
+    rays_to,
+)
+from gcs.planning.visibility import Rays
+from gcs.planning.worker_threads import in_threads
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from numpy.typing import NDArray
 
-    from gcs.core.camera import Camera
-    from gcs.core.inspection import SurfaceTask
-    from gcs.core.progress import Progress
-    from gcs.planning.free_space import FreeSpace
     from gcs.planning.surface_samples import SurfaceSamples
     from gcs.planning.visibility import SightLines
 
-AIMS = 10
-"""Directions that are tried at every place."""
+PLACES_AT_A_TIME = 16
+PICTURES_AT_A_TIME = 64
 
-FEWEST_PLACES, MOST_PLACES = 1000, 2000
-PLACES_PER_PICTURE = 3.0
-"""Places tried for every picture that the surface would take if it were flat and seen square on."""
-
-BATCH = 32
-EXTRA_ROUNDS = 10
 STAGE = "viewpoints"
+
+Ints = np.ndarray[tuple[int, ...], np.dtype[np.int64]]
 
 
 @dataclass(frozen=True, eq=False)
-class CandidateView:
-    """A picture that could be taken.
+class Targets:
+    """Sides of surface points, as kernels take them.
 
     Attributes:
-        position_m: shape (3,).
-        direction: unit view direction, shape (3,).
-        members: numbers of the targets that count as covered by it, shape (M,).
-        depth_m: mean depth of those along the axis.
-        open_sky: whether a straight climb from there is clear.
+        points: about the structure's middle, shape (T, 3), float32.
+        normals: the sides, unit, shape (T, 3), float32.
+        tolerant: whether each has to be shown with the position error allowed for, shape (T,).
     """
 
-    position_m: NDArray[np.float64]
-    direction: NDArray[np.float64]
-    members: NDArray[np.int64]
-    depth_m: float
-    open_sky: bool
+    points: NDArray[np.float32]
+    normals: NDArray[np.float32]
+    tolerant: NDArray[np.bool_]
+
+    def __len__(self) -> int:
+        return len(self.points)
+
+    def __getitem__(self, which: NDArray[np.int64]) -> Targets:
+        return Targets(self.points[which], self.normals[which], self.tolerant[which])
+
+    @staticmethod
+    def of(sides: SurfaceSamples, middle_m: NDArray[np.float64]) -> Targets:
+        """Sides of surface points, the position error allowed for."""
+        points = (sides.points_m - middle_m).astype(np.float32)
+        return Targets(points, sides.normals.astype(np.float32), np.ones(len(sides), dtype=np.bool_))
 
 
-class CandidateSearch:
-    """Looks for candidate views of a set of targets.
+@dataclass(frozen=True, eq=False)
+class CandidateViews:
+    """Pictures that could be taken, and which targets each shows.
+
+    Attributes:
+        places: about the structure's middle, shape (C, 3), float32.
+        axes: right, up and view direction of the camera, shape (C, 9).
+        focus_m: depth that is focused on: the mean of what is shown, shape (C,).
+        starts: where each view's targets begin in `members`, shape (C + 1,).
+        members: numbers of the targets, view after view.
+    """
+
+    places: NDArray[np.float32]
+    axes: NDArray[np.float64]
+    focus_m: NDArray[np.float64]
+    starts: NDArray[np.int64]
+    members: NDArray[np.int32]
+
+    def __len__(self) -> int:
+        return len(self.places)
+
+    def __getitem__(self, which: NDArray[np.int64]) -> CandidateViews:
+        starts, members = _chosen_lists(self.starts, self.members, which)
+        return CandidateViews(self.places[which], self.axes[which], self.focus_m[which], starts, members)
+
+    @staticmethod
+    def joined(parts: list[CandidateViews]) -> CandidateViews:
+        """Several sets of candidates as one."""
+        sizes = np.concatenate([np.diff(p.starts) for p in parts])
+        return CandidateViews(
+            np.concatenate([p.places for p in parts]),
+            np.concatenate([p.axes for p in parts]),
+            np.concatenate([p.focus_m for p in parts]),
+            np.concatenate([[0], np.cumsum(sizes)]),
+            np.concatenate([p.members for p in parts]),
+        )
+
+
+class ViewSearch:
+    """Looks from places.
 
     Args:
-        targets: sides of the surface.
-        task: GSD, overlap and incidence.
-        camera: the camera and its gimbal.
-        furthest_m: largest distance of a place from its target, at most what the GSD allows.
-        space: where the vehicle may be.
-        sight: what hides the surface.
-        rng: the source of randomness.
+        limits: what pictures show well enough.
+        sight: what hides targets.
     """
 
-    def __init__(
-        self,
-        targets: SurfaceSamples,
-        task: SurfaceTask,
-        camera: Camera,
-        furthest_m: float,
-        space: FreeSpace,
-        sight: SightLines,
-        rng: np.random.Generator,
-    ) -> None:
-        self._targets = targets
-        self._lifted = targets.lifted_m
-        self._task = task
-        self._camera = camera
-        self._furthest = furthest_m
-        self._depth_limit = camera.distance_for_gsd(task.gsd_mm / 1000)
-        self._space = space
+    def __init__(self, limits: PictureLimits, sight: SightLines) -> None:
+        self._limits = limits
         self._sight = sight
-        self._rng = rng
-        self._least_cosine = math.cos(math.radians(task.max_incidence_deg))
-        self._corner_distance = furthest_in_image(camera, self._depth_limit)
-        self._pitch = gimbal_pitch_range_rad(camera.gimbal.pitch_min_deg, camera.gimbal.pitch_max_deg)
+        corner = np.sqrt(1 + limits.half_width**2 + limits.half_height**2)
+        self._corner_distance = float(limits.furthest * corner)
 
-    def find(self, area_m2: float, progress: Progress) -> list[CandidateView]:
-        """Candidates, first spread over the surface, then where something is not yet in sight.
+    def look_from(
+        self,
+        places: NDArray[np.float32],
+        targets: Targets,
+        weights: NDArray[np.float32],
+        aims: int,
+        rng: np.random.Generator,
+        poll: Callable[[float], None],
+    ) -> CandidateViews:
+        """Pictures from every place.
 
         Args:
-            area_m2: of the surface, one side.
-            progress: told about the stage `viewpoints`, from 0.3 to 0.9 of it.
+            places: about the structure's middle, shape (P, 3), float32.
+            targets: what may be shown.
+            weights: how much each of them counts where a camera is aimed, shape (T,), positive.
+            aims: pictures from each place, at most.
+            rng: the source of randomness.
+            poll: told the share that is done; may raise.
         """
-        core = (1 - self._task.overlap) ** 2 * footprint_area(self._camera, self._furthest)
-        wanted = int(np.clip(PLACES_PER_PICTURE * 2 * area_m2 / core, FEWEST_PLACES, MOST_PLACES))
-        candidates: list[CandidateView] = []
-        seen = np.zeros(len(self._targets), dtype=np.bool_)
-        some = self._rng.choice(len(seen), size=min(wanted, len(seen)), replace=False)
-        places, _ = self._free_places(some, in_sight=False, near=False)
-        for first in range(0, len(places), BATCH):
-            self._look_from(places[first : first + BATCH], seen, candidates)
-            progress.report(STAGE, 0.3 + 0.4 * first / len(places))
-        for round_ in range(EXTRA_ROUNDS):
-            self._look_again(seen, candidates, progress, round_)
-        return candidates
+        draws = rng.random((len(places), aims), dtype=np.float32)
+        work = partial(self._look, places, targets, weights, draws)
+        parts = in_threads(work, range(0, len(places), PLACES_AT_A_TIME), poll)
+        return CandidateViews.joined(parts) if parts else nothing()
 
-    def _free_places(
-        self, which: NDArray[np.int64], *, in_sight: bool, near: bool
-    ) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-        """Free places in front of targets, with `in_sight` only those that see them, and the targets' numbers."""
-        targets = self._targets[which]
-        places = random_places(targets, self._task, self._space.clearance_m, self._furthest, self._rng, near=near)
-        ok = np.ones(len(places), dtype=np.bool_)
-        if in_sight:
-            _, pitch = camera_angles(targets.points_m - places)
-            ok &= (pitch >= self._pitch[0]) & (pitch <= self._pitch[1])
-            ok[ok] = self._sight.clear(places[ok], targets.lifted_m[ok])
-        ok[ok] = self._space.is_reachable(places[ok])
-        return places[ok], which[ok]
+    def shown(self, views: CandidateViews, targets: Targets, poll: Callable[[float], None]) -> tuple[Ints, ShortInts]:
+        """Which targets given pictures show: where each picture's begin, shape (C + 1,), and their numbers."""
+        if not len(views):
+            return np.zeros(1, dtype=np.int64), np.empty(0, dtype=np.int32)
+        work = partial(self._show, views, targets)
+        parts = in_threads(work, range(0, len(views), PICTURES_AT_A_TIME), poll)
+        sizes = np.concatenate([np.diff(starts) for starts, _ in parts])
+        return np.concatenate([[0], np.cumsum(sizes)]), np.concatenate([members for _, members in parts])
 
-    def _look_again(
-        self, seen: NDArray[np.bool_], candidates: list[CandidateView], progress: Progress, round_: int
-    ) -> None:
-        """Places that see what nothing has seen yet; not for what an earlier one of them has seen by the way."""
-        places, which = self._free_places(np.flatnonzero(~seen), in_sight=True, near=round_ % 2 == 0)
-        while len(places):
-            progress.report(STAGE, 0.7 + 0.2 * round_ / EXTRA_ROUNDS)
-            self._look_from(places[:BATCH], seen, candidates)
-            left = np.flatnonzero(~seen[which[BATCH:]]) + BATCH
-            places, which = places[left], which[left]
+    def _look(
+        self,
+        places: NDArray[np.float32],
+        targets: Targets,
+        weights: NDArray[np.float32],
+        draws: NDArray[np.float32],
+        first: int,
+    ) -> CandidateViews:
+        part = slice(first, first + PLACES_AT_A_TIME)
+        here, limits = places[part], self._limits
+        starts, which = facing_targets(
+            here, targets.points, targets.normals, self._corner_distance, limits.least_cosine
+        )
+        starts, visible = self._unhidden(here, starts, which, targets)
+        ends, members, of_place, axes, focus = aim_pictures(
+            here, starts, visible, targets.points, targets.tolerant, weights, draws[part], limits
+        )
+        return CandidateViews(here[of_place], axes, focus, ends, members)
 
-    def _look_from(self, places: NDArray[np.float64], seen: NDArray[np.bool_], candidates: list[CandidateView]) -> None:
-        open_sky = self._space.is_open_sky(places)
-        for place, sky in zip(places, open_sky, strict=True):
-            visible = self._visible_from(place)
-            aimed = self._aimed(place, visible, open_sky=bool(sky))
-            candidates += aimed
-            for candidate in aimed:
-                seen[candidate.members] = True
+    def _show(self, views: CandidateViews, targets: Targets, first: int) -> tuple[Ints, ShortInts]:
+        part = slice(first, first + PICTURES_AT_A_TIME)
+        here = views.places[part]
+        starts, which = pictured_targets(
+            here, views.axes[part], views.focus_m[part], targets.points, targets.normals, targets.tolerant, self._limits
+        )
+        return self._unhidden(here, starts, which, targets)
 
-    def _visible_from(self, place: NDArray[np.float64]) -> NDArray[np.int64]:
-        """Targets that a camera at a place could show, whatever way it looks."""
-        to_camera = place - self._targets.points_m
-        squared = np.einsum("ij,ij->i", to_camera, to_camera)
-        along = np.einsum("ij,ij->i", to_camera, self._targets.normals)
-        facing = (along > 0) & (along * along >= self._least_cosine**2 * squared)
-        which = np.flatnonzero(facing & (squared <= self._corner_distance**2))
-        return which[self._sight.clear(place, self._lifted[which])]
+    def _unhidden(
+        self, places: NDArray[np.float32], starts: Ints, which: ShortInts, targets: Targets
+    ) -> tuple[Ints, ShortInts]:
+        rays = rays_to(places, starts, which, targets.points, targets.normals)
+        return kept(starts, which, self._sight.clear_rays(Rays(*rays)))
 
-    def _aimed(self, place: NDArray[np.float64], visible: NDArray[np.int64], *, open_sky: bool) -> list[CandidateView]:
-        if not len(visible):
-            return []
-        ray = self._targets.points_m[visible] - place
-        unit = ray / np.linalg.norm(ray, axis=1)[:, None]
-        aims = unit[self._rng.choice(len(visible), size=min(AIMS - 1, len(visible)), replace=False)]
-        aims = np.vstack([unit.mean(axis=0), aims])
-        # one step of mean shift moves an aim from the edge of what is there towards its middle
-        inside, _, _ = self._in_core(ray, aims)
-        sums = inside.astype(np.float64) @ unit
-        moved = np.where((sums**2).sum(axis=1)[:, None] > 0, sums, aims)
-        inside, direction, depth = self._in_core(ray, np.vstack([moved, aims]))
-        kept: dict[bytes, CandidateView] = {}
-        for k in np.flatnonzero(inside.any(axis=1)):
-            members = np.compress(inside[k], visible)
-            kept.setdefault(
-                members.tobytes(),
-                CandidateView(place, direction[k], members, float(depth[k][inside[k]].mean()), open_sky),
-            )
-        return list(kept.values())
 
-    def _in_core(
-        self, ray: NDArray[np.float64], aims: NDArray[np.float64]
-    ) -> tuple[NDArray[np.bool_], NDArray[np.float64], NDArray[np.float64]]:
-        """Which rays (V, 3) lie in the middle of pictures along aims (A, 3), near enough.
+def nothing() -> CandidateViews:
+    """No candidates."""
+    none = np.zeros(0)
+    return CandidateViews(
+        np.zeros((0, 3), dtype=np.float32), np.zeros((0, 9)), none, np.zeros(1, np.int64), np.zeros(0, np.int32)
+    )
 
-        The middle is the image less `overlap` of its width and height: where the middles of neighbouring pictures
-        meet, the pictures overlap by that share.
 
-        Returns:
-            Shape (A, V); the view directions within the gimbal's range, shape (A, 3); and the depths, shape (A, V).
-        """
-        yaw, pitch = camera_angles(aims)
-        direction, up = camera_axes(yaw, np.clip(pitch, *self._pitch))
-        right = np.cross(direction, up)
-        depth = direction @ ray.T
-        core = 1 - self._task.overlap
-        inside = (depth > 0) & (depth <= self._depth_limit)
-        inside &= np.abs(right @ ray.T) <= core * self._camera.half_width_tangent * depth
-        inside &= np.abs(up @ ray.T) <= core * self._camera.half_height_tangent * depth
-        return np.asarray(inside), direction, depth
+def with_more_targets(views: CandidateViews, starts: Ints, members: ShortInts, first: int) -> CandidateViews:
+    """Candidates that show more targets.
+
+    Args:
+        views: what they showed before.
+        starts: where the additional targets of each begin in `members`.
+        members: numbers of the additional targets, counted from `first`.
+        first: number of the first additional target.
+    """
+    both = _merged_lists(views.starts, views.members, starts, members, first)
+    return replace(views, starts=views.starts + starts, members=both)
+
+
+@compiled
+def _merged_lists(
+    starts: Ints, members: ShortInts, more_starts: Ints, more_members: ShortInts, first: int
+) -> ShortInts:
+    result = np.empty(members.shape[0] + more_members.shape[0], np.int32)
+    at = 0
+    for c in range(starts.shape[0] - 1):
+        for e in range(starts[c], starts[c + 1]):
+            result[at] = members[e]
+            at += 1
+        for e in range(more_starts[c], more_starts[c + 1]):
+            result[at] = more_members[e] + first
+            at += 1
+    return result
+
+
+@compiled
+def _chosen_lists(starts: Ints, members: ShortInts, which: Ints) -> tuple[Ints, ShortInts]:
+    new_starts = np.zeros(which.shape[0] + 1, np.int64)
+    for k in range(which.shape[0]):
+        new_starts[k + 1] = new_starts[k] + starts[which[k] + 1] - starts[which[k]]
+    result = np.empty(new_starts[-1], np.int32)
+    for k in range(which.shape[0]):
+        result[new_starts[k] : new_starts[k + 1]] = members[starts[which[k]] : starts[which[k] + 1]]
+    return new_starts, result

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from gcs.core.errors import InputError
+from gcs.planning.picture_kernels import LIFT_M
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -15,11 +16,11 @@ if TYPE_CHECKING:
     from gcs.core.inspection import Region
     from gcs.core.structure import Structure
 
-LIFT_M = 0.002
-"""Targets are looked at this far above their side, so that their own triangle does not hide them."""
-
 MOST_ROUNDS = 20
 AREA_PROBES = 4000
+
+MORTON_BITS = 12
+"""Bits of each coordinate along the curve: cells of a 4096th of the extent."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,6 +98,17 @@ def sample_surface(
         raise InputError("no surface of the structure lies in them", field="inspection.surface.regions")
     p, n = np.concatenate(found), np.concatenate(sides)
     return SurfaceSamples(np.concatenate([p, p]), np.concatenate([n, -n]))
+
+
+def in_spatial_order(samples: SurfaceSamples) -> SurfaceSamples:
+    """The same sides, neighbours near each other (along a Morton curve): rays to them run alike."""
+    low, high = samples.points_m.min(axis=0), samples.points_m.max(axis=0)
+    cell = ((samples.points_m - low) * ((1 << MORTON_BITS) - 1) / max(float((high - low).max()), 1e-9)).astype(np.int64)
+    code = np.zeros(len(samples), dtype=np.int64)
+    for bit in range(MORTON_BITS):
+        for axis in range(3):
+            code |= (cell[:, axis] >> bit & 1) << (3 * bit + axis)
+    return samples[np.argsort(code, kind="stable")]
 
 
 def _points_on(triangles: NDArray[np.float64], rng: np.random.Generator) -> NDArray[np.float64]:

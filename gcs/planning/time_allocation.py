@@ -16,8 +16,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from gcs.planning.bernstein import derivative, monomial_from_control, squared_norm
-from gcs.planning.minimum_snap import minimum_snap
+from gcs.planning.minimum_snap import solve_legs
 from gcs.planning.qp_solver import SolverError
+from gcs.planning.straight_moves import straight_moves, straight_times
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -200,38 +201,40 @@ def time_legs(
         solvers: for the quadratic programs, in order of trial.
         progress: reports the stage `trajectory`.
 
+    Where no solver finds a curve, or none that is quicker, a leg is flown by straight moves.
+
     Raises:
-        SolverError: no solver gives an answer with small residuals; it names the leg.
         OperationCancelled: the progress said so.
     """
     ramp = limits.speed_m_s / limits.acceleration_m_s2
     least = 0.0 if limits.jerk_m_s3 is None else 2 * limits.acceleration_m_s2 / limits.jerk_m_s3
     windows = [max(share * ramp, least) for share in WINDOWS]
-    best: list[TimedLeg] = []
-    latest: list[TimedLeg] = []
-    failure: SolverError | None = None
+    best: dict[int, TimedLeg] = {}
+    latest: dict[int, TimedLeg] = {}
     rounds = len(windows) + REBALANCINGS
     for turn in range(rounds):
         progress.report("trajectory", turn / rounds)
         if turn < len(windows):
-            durations = [initial_times(leg, limits, windows[turn]) for leg in legs]
-        elif best:
-            durations = [_rebalanced(leg, limits) for leg in latest]
+            durations = {k: initial_times(leg, limits, windows[turn]) for k, leg in enumerate(legs)}
         else:
-            break
+            durations = {k: _rebalanced(leg, limits) for k, leg in latest.items()}
         progress.report("trajectory", (turn + 0.2) / rounds)
-        try:
-            curves = minimum_snap(legs, durations, solvers)
-        except SolverError as error:
-            # Other times may do; one good choice of times is enough.
-            failure = error
-            continue
-        latest = [_roughly_fit(control, times, limits) for control, times in zip(curves, durations, strict=True)]
-        best = [min(pair, key=_total) for pair in zip(best, latest, strict=True)] if best else latest
-        latest = best if turn == len(windows) - 1 else latest
-    if failure is not None and not best:
-        raise failure
-    return [fit_limits(leg.control, leg.durations_s, limits) for leg in best]
+        curves = solve_legs([legs[k] for k in durations], list(durations.values()), solvers)
+        for (k, times), control in zip(durations.items(), curves, strict=True):
+            if isinstance(control, SolverError):
+                continue  # other times may do
+            latest[k] = _roughly_fit(control, times, limits)
+            best[k] = min(best.get(k, latest[k]), latest[k], key=_total)
+        if turn == len(windows) - 1:
+            latest = best.copy()
+    return [_finished(leg, best.get(k), limits) for k, leg in enumerate(legs)]
+
+
+def _finished(leg: LegCorridor, found: TimedLeg | None, limits: FlightLimits) -> TimedLeg:
+    straight = straight_times(leg, limits.stretch)
+    if found is None or straight.sum() < _total(found):
+        return TimedLeg(*straight_moves(leg, straight))
+    return fit_limits(found.control, found.durations_s, limits)
 
 
 def _total(leg: TimedLeg) -> float:

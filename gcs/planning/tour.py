@@ -18,6 +18,7 @@ from gcs.planning.grid_search import GridSearch
 from gcs.planning.path_search import find_path
 from gcs.planning.string_pulling import path_length
 from gcs.planning.tour_bound import tour_lower_bound
+from gcs.planning.tour_costs import TourCosts
 from gcs.planning.tour_solver import solve_closed_tour, tour_cost
 
 if TYPE_CHECKING:
@@ -30,9 +31,9 @@ if TYPE_CHECKING:
     from gcs.planning.free_space import FreeSpace
 
 MOST_ROUNDS = 40
-HURRIED_SECONDS_PER_NODE = 2e-4
+HURRIED_EFFORT = 0.2
 FEW = 20
-"""Nodes up to which the solver is exact whatever time it is given."""
+"""Nodes up to which a whole effort costs nothing."""
 
 
 class LegTime(Protocol):
@@ -101,26 +102,26 @@ def find_tour(
         nodes = np.arange(len(stops) + 1)
         costs.search_edges(nodes, 0.0, 0.9)
     else:
-        nodes = _refined_tour(costs)
+        nodes = _refined_tour(costs, options.seed)
     cost = tour_cost(costs.matrix, nodes)
-    bound = tour_lower_bound(costs.matrix, cost, lambda: progress.report("tour", 0.95))
+    bound = tour_lower_bound(TourCosts.of_matrix(costs.matrix), nodes, lambda: progress.report("tour", 0.95))
     legs = [costs.leg(int(a), int(b)) for a, b in zip(nodes, np.roll(nodes, -1), strict=True)]
     progress.report("tour", 1.0)
     # the ascent ends a rounding error above an optimum that it reaches
     return Tour(nodes[1:] - 1, legs, cost, min(bound, cost), options.metric, len(costs.paths))
 
 
-def _refined_tour(costs: _LegCosts) -> NDArray[np.int64]:
-    """Solve and search in turns, with little time for the solver until it has nothing better to offer."""
-    seconds = None if costs.size <= FEW else HURRIED_SECONDS_PER_NODE * costs.size
-    best = solve_closed_tour(costs.matrix, seconds)
+def _refined_tour(costs: _LegCosts, seed: int) -> NDArray[np.int64]:
+    """Solve and search in turns, with little effort until the solver has nothing better to offer."""
+    effort = 1.0 if costs.size <= FEW else HURRIED_EFFORT
+    best = solve_closed_tour(costs.matrix, seed=seed, effort=effort)
     costs.search_edges(best, 0.0, 0.3)
     for turn in range(1, MOST_ROUNDS):
-        nodes = solve_closed_tour(costs.matrix, seconds)
+        nodes = solve_closed_tour(costs.matrix, seed=seed, effort=effort)
         if tour_cost(costs.matrix, nodes) >= tour_cost(costs.matrix, best) * (1 - 1e-9):
-            if seconds is None:
+            if effort >= 1.0:
                 break
-            seconds = None
+            effort = 1.0
             continue
         costs.search_edges(nodes, 0.9 - 0.6 * 0.7 ** (turn - 1), 0.9 - 0.6 * 0.7**turn)
         if tour_cost(costs.matrix, nodes) < tour_cost(costs.matrix, best):

@@ -47,9 +47,7 @@ def candidate_graph(costs: TourCosts, order: NDArray[np.int64], count: int = NEA
     return graph_of_edges(len(costs), np.concatenate([a, order]), np.concatenate([b, np.roll(order, -1)]), costs)
 
 
-def best_candidates(
-    graph: Graph, steps: int = STEPS, poll: Callable[[], None] | None = None
-) -> NDArray[np.int64]:
+def best_candidates(graph: Graph, steps: int = STEPS, poll: Callable[[], None] | None = None) -> NDArray[np.int64]:
     """For each node the ends of its edges with the least alpha-nearness, nearest first.
 
     That is what the cheapest 1-tree would cost more if it had to have the edge, at prices that make the tree much like a

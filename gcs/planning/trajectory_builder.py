@@ -11,7 +11,7 @@ import numpy as np
 from gcs.core.trajectory import DEGREE, AngleProfile, PiecewisePolynomial
 from gcs.planning.bernstein import monomial_from_control
 from gcs.planning.qp_solver import default_solvers
-from gcs.planning.safe_corridor import build_corridor
+from gcs.planning.safe_corridor import build_corridor, stop_box
 from gcs.planning.time_allocation import FlightLimits, time_legs
 from gcs.planning.viewing_angles import schedule_views
 
@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 
     from gcs.core.progress import Progress
     from gcs.core.scenario import Scenario
+    from gcs.planning.free_space import FreeSpace
     from gcs.planning.qp_solver import QpSolver
 
 
@@ -81,6 +82,7 @@ def build_trajectory(
     scenario: Scenario,
     progress: Progress,
     solvers: Sequence[QpSolver] | None = None,
+    space: FreeSpace | None = None,
 ) -> BuiltTrajectory:
     """Make the trajectory of a tour.
 
@@ -92,9 +94,9 @@ def build_trajectory(
         scenario: limits of the vehicle, corridor, gimbal and camera.
         progress: reports the stage `trajectory`.
         solvers: for the quadratic programs, in order of trial; PIQP, Clarabel, OSQP when not given.
+        space: where the legs are free; without it they keep the corridor's reach everywhere.
 
     Raises:
-        SolverError: a leg has no solution with small residuals.
         OperationCancelled: the progress said so.
     """
     vehicle, camera = scenario.vehicle, scenario.camera
@@ -103,7 +105,9 @@ def build_trajectory(
     last = len(legs_m) - 1
     longest = longest_segment_m(limits, half_width)
     corridors = {
-        index: build_corridor(leg, half_width, longest, column_at_start=index == 0, column_at_end=index == last)
+        index: build_corridor(
+            leg, half_width, longest, column_at_start=index == 0, column_at_end=index == last, space=space
+        )
         for index, leg in enumerate(legs_m)
         if _has_length(leg)
     }
@@ -127,7 +131,7 @@ def build_trajectory(
             rest[0, 0] = leg[-1]
             coefficients.append(rest)
             durations.append(schedule.dwells_s[index : index + 1])
-            boxes.append(np.stack([leg[-1] - half_width, leg[-1] + half_width])[None])
+            boxes.append(stop_box(leg[-1], half_width, space)[None])
     progress.report("trajectory", 1.0)
     return BuiltTrajectory(
         trajectory=PiecewisePolynomial(np.concatenate(coefficients), np.concatenate(durations)),

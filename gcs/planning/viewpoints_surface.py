@@ -1,4 +1,4 @@
-"""Viewpoints for a surface: sampled sides, candidate views, and a greedy cover of what can be seen."""
+"""Viewpoints for a surface: sampled sides, what of them can be seen, and a cover of that by few views."""
 
 from __future__ import annotations
 
@@ -8,16 +8,19 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from gcs.core.errors import InfeasibleError
-from gcs.planning.camera_footprint import footprint_area
-from gcs.planning.cover_problem import CoverProblem, joined_members
-from gcs.planning.coverage import seen_targets
-from gcs.planning.set_cover import greedy_cover
-from gcs.planning.surface_candidates import STAGE, CandidateSearch
-from gcs.planning.surface_samples import sample_surface, surface_area
-from gcs.planning.viewpoint_pose import pose_towards
+from gcs.planning.cover_problem import CoverProblem
+from gcs.planning.picture_kernels import PictureLimits
+from gcs.planning.picture_limits import distance_for, nearest_place, nearest_sharp_m
+from gcs.planning.seeable_sides import find_seeable
+from gcs.planning.surface_candidates import STAGE, CandidateViews, Targets, ViewSearch
+from gcs.planning.surface_cover import SurfaceCover
+from gcs.planning.surface_samples import in_spatial_order, sample_surface
+from gcs.planning.viewpoint_pose import gimbal_pitch_range_rad, pose_towards
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
+
+    from numpy.typing import NDArray
 
     from gcs.core.inspection import SurfaceTask
     from gcs.core.progress import Progress
@@ -27,20 +30,11 @@ if TYPE_CHECKING:
     from gcs.planning.viewpoint_pose import ViewpointPose
     from gcs.planning.visibility import SightLines
 
-COVERED_SHARE = 0.982
-"""Of the sampled sides that any candidate sees. The rest are slits that each cost a view of their own."""
+SAMPLES = 100_000
+"""Points of the surface; both sides of each are looked at."""
 
-SAMPLES_PER_PICTURE = 60
-FEWEST_SAMPLES, MOST_SAMPLES = 16000, 30000
-DENSEST_PER_PICTURE = 4000
-"""No more samples than this for every picture's worth of surface, however small the surface is."""
-
-LEAST_SAMPLES = 300
-
-UNDER_COVER = 0.9
-NEAREST = 0.9
-"""Factors on what a view adds: for one that is not under the open sky, and (falling linearly) for the nearest one.
-They decide between views that are about equally good."""
+STRICTER = 1e-5
+"""Added to the cosine of the incidence: pictures are judged in single precision here, and in double afterwards."""
 
 
 def find_surface_viewpoints(
@@ -55,8 +49,15 @@ def find_surface_viewpoints(
 ) -> tuple[list[ViewpointPose], CoverProblem]:
     """Choose views that together see the surface.
 
+    A view counts for a side if its picture shows it unoccluded, from that side, within the incidence limit, sharp, and
+    at no more than the GSD. It also has to lie in the middle of the picture: the image less `overlap` of its width and
+    height. Where the middles of neighbouring pictures meet, the pictures overlap by that share. The position and
+    tracking errors are allowed for: with the camera that far off to a side the picture still shows the side (half of
+    the image is left at least), and with it that far back the GSD still holds (as far as the clearance leaves room
+    for). What could not be shown so by any candidate is shown without that allowance.
+
     Args:
-        scenario: camera and seed.
+        scenario: camera, error budget and seed.
         task: what is asked.
         structure: what is looked at.
         space: where the vehicle may be.
@@ -72,49 +73,76 @@ def find_surface_viewpoints(
         InfeasibleError: the GSD asks for less than the clearance, or nothing can be seen.
     """
     camera = scenario.camera
-    needed = camera.distance_for_gsd(task.gsd_mm / 1000)
-    if needed < space.clearance_m:
-        best = 1000 * camera.gsd_at(space.clearance_m)
-        raise InfeasibleError(
-            f"a GSD of {task.gsd_mm:g} mm asks for {needed:.2f} m, but the vehicle keeps {space.clearance_m:.2f} m "
-            f"(hull, error budget and corridor): the best it can have is {best:.2f} mm",
-            field="inspection.surface.gsd_mm",
-        )
+    nearest = nearest_place(scenario, space.clearance_m)
+    furthest = distance_for(camera, task.gsd_mm, nearest, furthest_m, "inspection.surface.gsd_mm")
+    limits = _limits(scenario, task, furthest, nearest.distance_m)
     rng = np.random.default_rng(scenario.planner.seed)
-    area = surface_area(structure, task.regions)
-    core = (1 - task.overlap) ** 2 * footprint_area(camera, furthest_m)
-    samples = np.clip(SAMPLES_PER_PICTURE * area / core, FEWEST_SAMPLES, MOST_SAMPLES)
-    samples = max(min(int(samples), int(DENSEST_PER_PICTURE * area / core)), LEAST_SAMPLES)
-    targets = sample_surface(structure, samples, rng, task.regions)
-    covered = seen_targets(camera, task, earlier, targets, sight, progress, stage=STAGE)
-    search = CandidateSearch(targets, task, camera, furthest_m, space, sight, rng)
-    candidates = search.find(area, progress)
-    if not candidates:
+    sides = in_spatial_order(sample_surface(structure, SAMPLES, rng, task.regions))
+    search = ViewSearch(limits, sight)
+    left = np.ones(len(sides), dtype=np.bool_)
+    if earlier:
+        views = _views_of(earlier, scenario, sight.middle_m)
+        whole = ViewSearch(limits._replace(core=1.0, error=0.0, depth_error=0.0), sight)
+        _, members = whole.shown(views, Targets.of(sides, sight.middle_m), lambda s: progress.report(STAGE, 0.1 * s))
+        left[members] = False
+    sides = sides[left]
+    seeable = find_seeable(
+        sides,
+        1.01 * scenario.centre_clearance_m,
+        0.99 * furthest,
+        limits,
+        space,
+        sight,
+        rng,
+        lambda share: progress.report(STAGE, 0.1 + 0.2 * share),
+    )
+    if not len(seeable.which):
+        if not left.all():
+            return [], CoverProblem.empty()
         raise InfeasibleError(
             "no free place sees any of the surface at the asked GSD and incidence: allow a coarser GSD, more incidence "
             "or a smaller clearance",
             field="inspection.surface",
         )
-    depth = np.array([c.depth_m for c in candidates])
-    open_sky = np.array([c.open_sky for c in candidates])
-    preference = np.where(open_sky, 1.0, UNDER_COVER)
-    preference *= NEAREST + (1 - NEAREST) * np.minimum(depth / needed, 1.0)
-    sets = [c.members for c in candidates]
-    chosen = greedy_cover(
-        sets,
-        len(targets),
-        preference=preference,
-        covered=covered,
-        share=COVERED_SHARE,
-        poll=lambda: progress.report(STAGE, 0.95),
-    )
-    starts, members = joined_members(sets)
-    possible = covered.copy()
-    possible[members] = True
-    wanted = math.ceil(COVERED_SHARE * int(possible.sum()) - 1e-9)
-    problem = CoverProblem(starts, members, len(targets), covered, wanted, np.array(chosen, dtype=np.int64))
+    targets = Targets.of(sides[seeable.which], sight.middle_m)
+    cover = SurfaceCover(targets, seeable, search, space, sight.middle_m, furthest, rng, progress)
+    problem = cover.solve()
+    chosen = cover.views[problem.chosen]
     poses = [
-        pose_towards(f"S{n + 1:04d}", candidates[k].position_m, candidates[k].direction, camera.gsd_at(depth[k]))
-        for n, k in enumerate(chosen)
+        pose_towards(f"S{n + 1:04d}", place.astype(np.float64) + sight.middle_m, axes[6:9], camera.gsd_at(focus))
+        for n, (place, axes, focus) in enumerate(zip(chosen.places, chosen.axes, chosen.focus_m, strict=True))
     ]
     return poses, problem
+
+
+def _limits(scenario: Scenario, task: SurfaceTask, furthest_m: float, nearest_m: float) -> PictureLimits:
+    camera, safety = scenario.camera, scenario.safety
+    error = safety.position_m + safety.tracking_m
+    pitch_low, pitch_high = gimbal_pitch_range_rad(camera.gimbal.pitch_min_deg, camera.gimbal.pitch_max_deg)
+    return PictureLimits(
+        half_width=camera.half_width_tangent,
+        half_height=camera.half_height_tangent,
+        core=1 - task.overlap,
+        nearest=nearest_sharp_m(camera, scenario.vehicle, safety.position_m),
+        furthest=furthest_m,
+        error=error,
+        depth_error=min(error, (furthest_m - nearest_m) / 2),
+        focal=camera.focal_length_mm / 1000,
+        hyperfocal=camera.hyperfocal_m,
+        nearest_focus=camera.nearest_focus_m,
+        least_cosine=math.cos(math.radians(task.max_incidence_deg)) + STRICTER,
+        pitch_low=pitch_low,
+        pitch_high=pitch_high,
+    )
+
+
+def _views_of(poses: Sequence[ViewpointPose], scenario: Scenario, middle_m: NDArray[np.float64]) -> CandidateViews:
+    """Poses as candidates that show nothing yet."""
+    axes = np.array([np.concatenate([np.cross(p.direction, p.up), p.up, p.direction]) for p in poses])
+    return CandidateViews(
+        (np.array([p.position_m for p in poses]) - middle_m).astype(np.float32),
+        axes,
+        np.array([scenario.camera.distance_for_gsd(p.gsd_m) for p in poses]),
+        np.zeros(len(poses) + 1, dtype=np.int64),
+        np.zeros(0, dtype=np.int32),
+    )

@@ -64,7 +64,9 @@ class SightLines:
         self._scene = EmbreeScene()
         # the scene does not keep its mesh alive
         self._mesh = TriangleMesh(self._scene, (np.concatenate(triangles) - self.middle_m).astype(np.float32))
-        self.clear_rays(Rays(*(np.ones((1, 3), dtype=np.float32),) * 2, np.ones(1, dtype=np.float32)))  # builds the tree
+        self.clear_rays(
+            Rays(*(np.ones((1, 3), dtype=np.float32),) * 2, np.ones(1, dtype=np.float32))
+        )  # builds the tree
 
     def clear(self, origins: ArrayLike, targets: ArrayLike, tolerance: float = TOLERANCE_M) -> NDArray[np.bool_]:
         """Whether nothing lies between; many lines are looked along in several threads.
@@ -92,6 +94,11 @@ class SightLines:
         """Whether nothing lies along rays, shape (N,); in the caller's thread, without the interpreter lock."""
         blocked = self._scene.run(rays.origins, rays.directions, dists=rays.lengths, query="OCCLUDED")
         return np.asarray(blocked == -1, dtype=np.bool_)
+
+    def free_lengths(self, rays: Rays) -> NDArray[np.float64]:
+        """How far (m) rays go before they hit something, at most their lengths, shape (N,); in the caller's thread."""
+        hit = self._scene.run(rays.origins, rays.directions, query="DISTANCE")
+        return np.asarray(np.minimum(hit, rays.lengths), dtype=np.float64)
 
 
 @compiled

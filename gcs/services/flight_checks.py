@@ -4,16 +4,22 @@ from __future__ import annotations
 
 import asyncio
 import time
+from dataclasses import replace
 from functools import lru_cache
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from gcs.core.clock import utc_now
-from gcs.core.errors import GcsError, InfeasibleError, RefusedError
+from gcs.core.errors import GcsError, InfeasibleError, LinkError, RefusedError
 from gcs.planning.point_distance import SceneDistance
+from gcs.planning.retrace import memory_settings, retrace_problem
 from gcs.planning.stream_loss import slow_for_stream_loss
-from gcs.planning.ways_home import check_ways_home
+from gcs.planning.ways_home import check_ways_home, return_is_clear
 from gcs.services import preflight
+from gcs.services.failsafe_checks import OwnWaysOfVehicle, check_failsafes_along
 from gcs.services.flight_types import PreflightCheck, PreflightReport
+from gcs.services.image_account import scene_position
 from gcs.storage.plan_files import read_structure
 from gcs.storage.records import FlightPath
 
@@ -22,10 +28,11 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from gcs.core.plan import Plan
-    from gcs.core.vehicle import VehicleLimits
+    from gcs.core.vehicle import Failsafe, VehicleLimits
+    from gcs.core.way_home import ReturnFlight
     from gcs.mavlink.vehicle import Vehicle
     from gcs.planning.retiming import TimeWarp
-    from gcs.planning.ways_home import WaysHome
+    from gcs.planning.ways_home import Intervals, WaysHome
     from gcs.storage.records import FlightRecord
 
 DEFAULT_OFFBOARD_TIMEOUT_S = 3.0
@@ -76,9 +83,8 @@ class FlightChecks:
             *self._of_the_moment(vehicle),
             await self._datum(vehicle),
             *preflight.check_limits(self._plan, limits),
+            *await self._ways_home(limits, await vehicle.read_failsafes(), may_raise=True),
         ]
-        checks += preflight.check_failsafes(await vehicle.read_failsafes())
-        checks.append(await self._ways_home(limits, may_raise=True))
         if self._flight.mode is FlightPath.OFFBOARD:
             checks.append(await self._stream_loss(limits))
         return self._report(checks, accepted)
@@ -87,7 +93,6 @@ class FlightChecks:
         """Limits, failsafes and ways home; the return altitude is raised on the vehicle where that clears the way."""
         limits = await vehicle.read_limits()
         checks = preflight.check_limits(self._plan, limits)
-        checks += preflight.check_failsafes(await vehicle.read_failsafes())
         return await self._with_ways_home(vehicle, limits, checks, accepted)
 
     async def before_start(self, vehicle: Vehicle, accepted: tuple[str, ...]) -> CheckedReport:
@@ -98,7 +103,6 @@ class FlightChecks:
             await self._datum(vehicle),
             *preflight.check_limits(self._plan, limits),
         ]
-        checks += preflight.check_failsafes(await vehicle.read_failsafes())
         return await self._with_ways_home(vehicle, limits, checks, accepted)
 
     async def in_the_air(self, vehicle: Vehicle, accepted: tuple[str, ...]) -> CheckedReport:
@@ -107,8 +111,43 @@ class FlightChecks:
         checks = [preflight.check_link(vehicle.telemetry, vehicle.last_heard_s, time.monotonic())]
         checks += preflight.check_limits(self._plan, limits)
         checks.append(preflight.check_energy(self._plan, vehicle.telemetry))
-        checks.append(await self._ways_home(limits, may_raise=False))
+        checks += await self._ways_home(limits, await vehicle.read_failsafes(), may_raise=False)
         return self._report(checks, accepted)
+
+    async def return_is_clear_now(self, vehicle: Vehicle) -> bool:
+        """How the vehicle can be sent home from where it is now.
+
+        Where that cannot be judged (parameters or position are not told) it counts as clear: it is the operator's
+        decision, and the checks before the flight have said what was not known.
+
+        Returns:
+            True for its own return, False where that would hit the structure and it can fly back the way it came.
+
+        Raises:
+            RefusedError: both would hit the structure, or nothing is known of the way back.
+        """
+        place, velocity = vehicle.telemetry.position, vehicle.telemetry.velocity_m_s
+        try:
+            limits = await vehicle.read_limits()
+        except LinkError as error:
+            self._tell(f"whether its return is clear from here was not checked: {error}")
+            return True
+        if limits.return_flight is None or place is None or place.age_s(time.monotonic()) > preflight.FRESH_S:
+            self._tell("whether its return is clear from here is not known")
+            return True
+        position = np.asarray(scene_position(self._plan, place.value))
+        moving = np.zeros(3) if velocity is None else velocity.value
+        scene = _scene(self._directory, self._plan.scenario.ground_m)
+        if await asyncio.to_thread(return_is_clear, self._plan, scene, limits.return_flight, position, moving):
+            return True
+        problem = await asyncio.to_thread(retrace_problem, self._plan, limits.retrace)
+        if problem:
+            raise RefusedError(
+                f"from where it is its return would hit the structure, and it cannot fly back the way it came "
+                f"({problem}): let the plan go on, land it, or fly it clear by hand",
+                field=vehicle.identity.name,
+            )
+        return False
 
     async def stream_loss_warp(self, vehicle: Vehicle) -> TimeWarp:
         """The plan's times, slowed where losing the stream would not be survivable.
@@ -143,20 +182,22 @@ class FlightChecks:
     async def _with_ways_home(
         self, vehicle: Vehicle, limits: VehicleLimits, checks: list[PreflightCheck], accepted: tuple[str, ...]
     ) -> CheckedReport:
-        """The last check of a report; nothing is changed on a vehicle that is refused for another reason."""
-        fit = self._report(checks, accepted).ok
+        """The last checks of a report; nothing is changed on a vehicle that is refused for another reason."""
+        failsafes = await vehicle.read_failsafes()
+        before = await self._ways_home(limits, failsafes, may_raise=True)
+        fit = self._report([*checks, *before], accepted).ok
         if fit:
             limits = await self._with_safe_return(vehicle, limits)
-        return self._report([*checks, await self._ways_home(limits, may_raise=not fit)], accepted)
+        return self._report([*checks, *await self._ways_home(limits, failsafes, may_raise=not fit)], accepted)
 
     async def _with_safe_return(self, vehicle: Vehicle, limits: VehicleLimits) -> VehicleLimits:
         """Raise the vehicle's return altitude where its return would hit the structure and a higher one does not."""
-        if limits.return_altitude_m is None:
+        if limits.return_altitude_m is None or limits.return_flight is None:
             return limits
-        found = await asyncio.to_thread(self._return, limits.return_altitude_m)
-        if found.ok or found.lowest_safe_m is None:
+        wanted = _higher(await self._return(limits.return_flight))
+        if wanted is None:
             return limits
-        kept_parameter = await vehicle.set_return_altitude(found.lowest_safe_m)
+        kept_parameter = await vehicle.set_return_altitude(wanted)
         kept = await vehicle.read_limits()
         self._tell(
             f"the return altitude of {vehicle.identity.name} was raised from {limits.return_altitude_m:g} m to "
@@ -164,24 +205,58 @@ class FlightChecks:
         )
         return kept
 
-    async def _ways_home(self, limits: VehicleLimits, *, may_raise: bool) -> PreflightCheck:
-        """Safety rule 7: from everywhere along the plan, the vehicle's own return keeps clear."""
-        name, altitude = "ways home", limits.return_altitude_m
+    async def _ways_home(
+        self, limits: VehicleLimits, failsafes: tuple[Failsafe, ...], *, may_raise: bool
+    ) -> list[PreflightCheck]:
+        """Safety rule 7: from everywhere along the plan, what the vehicle does by itself keeps clear."""
+        flight = limits.return_flight
+        found = await self._return(flight)
+        raised = _higher(found) if may_raise else None
+        if raised is not None and flight is not None:
+            found = replace(found, blocked_s=found.never_clear_s)
+        problem = await asyncio.to_thread(retrace_problem, self._plan, limits.retrace)
+        settings = await asyncio.to_thread(memory_settings, self._plan, limits.retrace)
+        ways = OwnWaysOfVehicle(found, flight is not None, problem, settings, self._plan.trajectory.duration_s)
+        checks = check_failsafes_along(failsafes, ways, self._flight.mode)
+        cone = "" if flight is None else await self._cone_note(found, flight)
+        return [*checks, self._return_check(found, limits, raised, cone)]
+
+    async def _cone_note(self, found: WaysHome, flight: ReturnFlight) -> str:
+        """What to say where the return is blocked because it climbs less close to home."""
+        if flight.cone_slope is None or not found.blocked_s:
+            return ""
+        without = await self._return(replace(flight, cone_slope=None))
+        if _seconds(without.never_clear_s) >= _seconds(found.blocked_s):
+            return ""
+        return f"; close to home it climbs less, which {flight.no_cone} ends and would clear the way"
+
+    def _return_check(
+        self, found: WaysHome, limits: VehicleLimits, raised_m: float | None, cone: str
+    ) -> PreflightCheck:
+        """What the vehicle's own return, by its own switch, would do; `found` is that of the raised altitude."""
+        name, altitude, flight = "ways home", limits.return_altitude_m, limits.return_flight
         if altitude is None:
             return PreflightCheck(name, "unknown", "the vehicle does not tell its return altitude")
-        found = await asyncio.to_thread(self._return, altitude)
-        seconds = sum(b - a for a, b in found.landing_blocked_s)
+        if flight is None:
+            return PreflightCheck(name, "unknown", "the vehicle's return is not a straight one to home (RTL_TYPE 0)")
+        seconds = _seconds(found.landing_blocked_s)
         landing = f"; landing on the spot would hit it during {seconds:.0f} s of the plan" if seconds else ""
         if found.ok:
             return PreflightCheck(name, "ok", f"return at {altitude:.0f} m keeps clear from everywhere{landing}")
         why = f"the vehicle's return at {altitude:.0f} m is blocked: {found.reason}"
-        if found.lowest_safe_m is None:
-            how = "no altitude clears it, some climb is under the structure: leave those viewpoints out"
-            return PreflightCheck(name, "refused", f"{why}; {how}")
-        lowest = f"{found.lowest_safe_m:.0f} m keeps clear"
-        if may_raise:
-            return PreflightCheck(name, "ok", f"{why}; {lowest} and is set on the vehicle at upload or start{landing}")
-        return PreflightCheck(name, "refused", f"{why}; {lowest}")
+        if raised_m is not None:
+            why += f"; {raised_m:.0f} m is set on the vehicle at upload or start"
+            if not found.blocked_s:
+                return PreflightCheck(name, "ok", f"{why}, which keeps clear{landing}")
+        elif _higher(found) is not None:
+            return PreflightCheck(name, "refused", f"{why}; {found.clearest_m:.0f} m keeps clear")
+        blocked, first = _seconds(found.blocked_s), found.blocked_s[0][0]
+        return PreflightCheck(
+            name,
+            "needs_acceptance",
+            f"{why}{cone}; no altitude clears it during {blocked:.0f} s of the plan, first at {first:.0f} s: nobody "
+            f"may switch the vehicle to return then{landing}",
+        )
 
     async def _stream_loss(self, limits: VehicleLimits) -> PreflightCheck:
         try:
@@ -207,8 +282,19 @@ class FlightChecks:
             home_m=scenario.home_m,
         )
 
-    def _return(self, altitude_m: float) -> WaysHome:
-        return check_ways_home(self._plan, _scene(self._directory, self._plan.scenario.ground_m), altitude_m)
+    async def _return(self, flight: ReturnFlight | None) -> WaysHome:
+        scene = _scene(self._directory, self._plan.scenario.ground_m)
+        return await asyncio.to_thread(check_ways_home, self._plan, scene, flight)
+
+
+def _higher(found: WaysHome) -> float | None:
+    """A return altitude that clears more than the present one; None when there is none."""
+    better = _seconds(found.never_clear_s) < _seconds(found.blocked_s)
+    return found.clearest_m if better and found.clearest_m is not None else None
+
+
+def _seconds(intervals: Intervals) -> float:
+    return sum(b - a + 1e-3 for a, b in intervals)
 
 
 @lru_cache(maxsize=4)

@@ -127,6 +127,11 @@ class FlightControlService:
         """Prepare a flight; nothing is sent to the vehicle."""
         identity = self._vehicles.vehicle(vehicle).identity
         plan, record = self._plans.read(plan_id), self._plans.get(plan_id).plan
+        if plan.sorties:
+            raise ConflictError(
+                f"this plan is {len(plan.sorties)} sorties with a battery each; they are plans of their own: fly those",
+                field="plan_id",
+            )
         for other in self._database.flights.open_flights():
             if other.vehicle == identity.name and (other.state in IN_THE_AIR or other.state is FlightState.UPLOADING):
                 raise ConflictError(f"{identity.name} is on flight {other.id}, which is {other.state}", field="vehicle")
@@ -319,13 +324,20 @@ class FlightControlService:
     # ---- inside ----
 
     async def _cut_short(self, flight_id: str, action: str, state: FlightState) -> FlightRecord:
-        flight, vehicle, _ = self._loaded(flight_id)
+        flight, vehicle, plan = self._loaded(flight_id)
         self._demand(flight, action)
         run, recorder = self._run(flight_id), self._recorder(flight_id)
         recorder.log("command", action, severity=NOTICE)
         run.cut_short = f"the operator asked to {action}"
-        await (vehicle.return_home() if state is FlightState.RETURNING else vehicle.land())
-        recorder.enter(state, "on command")
+        how = "on command"
+        if state is FlightState.LANDING:
+            await vehicle.land()
+        elif await self._checks(flight, plan).return_is_clear_now(vehicle):
+            await vehicle.return_home()
+        else:
+            await vehicle.retrace()
+            how = "on command, the way it came: its own return would hit the structure from here"
+        recorder.enter(state, how)
         return recorder.flight
 
     async def _upload(self, recorder: FlightRecorder, vehicle: Vehicle, mission: Mission) -> None:

@@ -6,17 +6,19 @@ import asyncio
 import time
 from contextlib import asynccontextmanager, suppress
 from dataclasses import dataclass, fields
+from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
 
 from gcs.core.errors import GcsError, IncompleteError, LinkError, RefusedError
 from gcs.services.live_feed import EventLogged, FeedEvent, QueueOverflowError
+from gcs.services.remaining_flight import next_flight
 from gcs.services.station import StationServices
 from gcs.storage.data_directory import default_data_directory
 from gcs.storage.records import FlightPath, FlightState
 
 if TYPE_CHECKING:
     from collections.abc import AsyncIterator, Awaitable, Callable
-    from pathlib import Path
 
     from gcs.mavlink.vehicle import Vehicle
     from gcs.services.flight_types import PreflightReport
@@ -58,6 +60,8 @@ async def fly_plan(
     accept: tuple[str, ...],
     data_dir: Path | None,
     say: Callable[[str], None],
+    sortie: int | None = None,
+    rest: bool = False,
 ) -> FlightOutcome:
     """Fly a written plan.
 
@@ -69,17 +73,23 @@ async def fly_plan(
         accept: failsafes that are off, and unknown values, accepted by name.
         data_dir: where the flight is recorded.
         say: takes lines for the operator.
+        sortie: which one of a plan of several, from 1; the first that is not done yet when not given.
+        rest: leave out the viewpoints that have their picture from earlier flights.
 
     Returns:
         What came of it; a link that was lost, or a refusal, is its `failure`.
 
     Raises:
-        InputError: the folder holds no plan.
+        InputError: the folder holds no plan, or nothing of it is left to fly.
         StorageError: nothing can be recorded.
     """
     services = StationServices(data_dir or default_data_directory(), stored_links=False)
     async with services.running(_line), _telling(services, say):
-        flying = _Flying(services, out, mode, accept, say)
+        with TemporaryDirectory(prefix="gcs-rest-") as scratch:
+            chosen = next_flight(out, sortie, rest, services.database, services.plans, Path(scratch))
+            if chosen.said:
+                say(chosen.said)
+            flying = _Flying(services, chosen.directory, mode, accept, say)
         try:
             await flying.fly(url, confirm)
         except (LinkError, RefusedError, IncompleteError) as error:

@@ -10,6 +10,7 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from gcs.core.errors import RefusedError
 from gcs.core.frames import GeoPoint, geodetic_from_enu
 from gcs.core.mission import PLACE_COMMANDS, Mission, MissionItem
 from gcs.core.vehicle import Autopilot
@@ -31,16 +32,18 @@ class MissionFiles:
     """The files of a plan's mission.
 
     Attributes:
-        items: number of items in PX4's words.
+        items: number of items in PX4's words; None for a plan of several sorties, each of which has its own mission.
         files: name -> content.
     """
 
-    items: int
+    items: int | None
     files: dict[str, bytes]
 
 
 def mission_files(plan: Plan) -> MissionFiles:
     """`mission.plan` for QGroundControl (PX4's words) and `mission.waypoints` for Mission Planner (ArduPilot's)."""
+    if plan.sorties:
+        return MissionFiles(None, {})
     home, speed_m_s = home_of_plan(plan), plan.scenario.vehicle.max_speed_m_s
     px4 = mission_of_plan(plan, Autopilot.PX4)
     ardupilot = mission_of_plan(plan, Autopilot.ARDUPILOT)
@@ -68,8 +71,13 @@ def mission_of_plan(
         chord_error_m: how far the plan's curve may lie from the straight legs between waypoints.
 
     Raises:
-        RefusedError: more items than the vehicle stores.
+        RefusedError: more items than the vehicle stores, or the plan is several sorties.
     """
+    if plan.sorties:
+        raise RefusedError(
+            f"this plan is {len(plan.sorties)} sorties with a battery each: fly one of them (`--sortie`)",
+            field="sortie",
+        )
     path = sample_mission_path(plan.trajectory, [v.time_s for v in plan.viewpoints], chord_error_m)
     return build_mission(plan, path.takeoff_m, path.legs_m, autopilot, limits)
 

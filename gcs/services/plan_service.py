@@ -25,7 +25,9 @@ if TYPE_CHECKING:
     from gcs.core.progress import Progress
     from gcs.core.structure import Structure
     from gcs.jobs.planning_jobs import PlanningJobs
+    from gcs.services.plan_writing import WrittenPlan
     from gcs.storage.database import Database
+    from gcs.storage.fleet_files import FleetDocument
 
 log = logging.getLogger(__name__)
 
@@ -37,23 +39,6 @@ class PlanView:
     plan: PlanRecord
     job: JobRecord | None
     files: tuple[str, ...] = ()
-
-
-@dataclass(frozen=True)
-class WrittenPlan:
-    """A plan whose folder is in place.
-
-    Attributes:
-        plan: as it was certified.
-        plan_hash: SHA-256 of plan.json.
-        report: content of report.json.
-        notes: what was ignored or left out of the mesh files, and what the vehicle's return needs.
-    """
-
-    plan: Plan
-    plan_hash: str
-    report: dict[str, Any]
-    notes: tuple[str, ...] = ()
 
 
 def write_planned(scenario: Scenario, base: Path, out: Path, progress: Progress) -> WrittenPlan:
@@ -72,42 +57,40 @@ def write_planned(scenario: Scenario, base: Path, out: Path, progress: Progress)
         OperationCancelled: the progress said so.
     """
     from gcs.planning.planner import make_plan
-    from gcs.services.mission_files import mission_files
-    from gcs.services.report_page import report_page
-    from gcs.storage.mesh_files import load_structure, sample_inspection
-    from gcs.storage.plan_files import check_output, plan_report, write_plan
+    from gcs.services.plan_writing import write_certified
 
-    check_output(out)
+    if scenario.vehicle.count > 1:
+        raise InputError("this makes the plan of one vehicle: use 1, or `gcs plan` for several", field="vehicle.count")
+    scenario, structure = _resolved(scenario, base, out, progress)
+    plan = make_plan(scenario, structure, progress)
+    return write_certified(plan, structure, out, progress)
+
+
+def write_fleet_planned(scenario: Scenario, base: Path, out: Path, progress: Progress) -> FleetDocument:
+    """Plan for several vehicles and write all files; arguments and errors as of `write_planned`."""
+    from gcs.planning.fleet import plan_fleet
+    from gcs.services.fleet_plan import write_fleet_plan
+
+    scenario, structure = _resolved(scenario, base, out, progress)
+    fleet = plan_fleet(scenario, structure, progress)
+    return write_fleet_plan(scenario, fleet, structure, out, progress)
+
+
+def _resolved(scenario: Scenario, base: Path, out: Path, progress: Progress) -> tuple[Scenario, Structure]:
+    """The scenario with all that its structure says, and the structure."""
+    from gcs.storage.fleet_files import check_fleet_output
+    from gcs.storage.mesh_files import load_structure, sample_inspection
+
+    check_fleet_output(out)
     progress.report("load", 0.0)
     structure, source = load_structure(scenario.structure, base)
     inspection = scenario.inspection or sample_inspection(source.sample, structure)
     safety = scenario.safety.model_copy(
         update={"model_m": scenario.safety.model_m + structure.placement_error_m}
     )  # so that whoever reads the plan has the whole budget
-    scenario = scenario.model_copy(update={"structure": source, "inspection": inspection, "safety": safety})
     progress.report("load", 1.0)
-    plan = make_plan(scenario, structure, progress)
-    progress.report("write", 0.0)
-    missions = mission_files(plan)
-    report = plan_report(plan, mission_items=missions.items)
-    extra = {**missions.files, "report.html": report_page(plan, structure, report).encode()}
-    plan_hash = write_plan(plan, structure, out, report=report, extra_files=extra)
-    progress.report("write", 1.0)
-    return WrittenPlan(plan, plan_hash, report, (*structure.notes, _way_home_note(plan, structure)))
-
-
-def _way_home_note(plan: Plan, structure: Structure) -> str:
-    """What the vehicle's own return needs on this plan (safety rule 7)."""
-    from gcs.planning.point_distance import SceneDistance
-    from gcs.planning.ways_home import check_ways_home
-
-    lowest = check_ways_home(plan, SceneDistance(structure, plan.scenario.ground_m), None).lowest_safe_m
-    if lowest is None:
-        return (
-            "part of the path lies under the structure, where the vehicle's own return would climb into it: "
-            "it will not be flown; leave those places out with `regions`, or inspect them as points from aside"
-        )
-    return f"the vehicle's own return must fly at least {lowest:.0f} m above home; it is set so before a flight"
+    update = {"structure": source, "inspection": inspection, "safety": safety}
+    return scenario.model_copy(update=update), structure
 
 
 def plan_to_directory(scenario_path: Path, out: Path, progress: Progress | None = None) -> WrittenPlan:
@@ -116,6 +99,14 @@ def plan_to_directory(scenario_path: Path, out: Path, progress: Progress | None 
 
     scenario = read_scenario_file(scenario_path)
     return write_planned(scenario, scenario_path.parent, out, progress or SilentProgress())
+
+
+def fleet_to_directory(scenario_path: Path, out: Path, progress: Progress | None = None) -> FleetDocument:
+    """`gcs plan` for several vehicles: a folder with the plan of each; raises as `write_planned`."""
+    from gcs.storage.scenario_files import read_scenario_file
+
+    scenario = read_scenario_file(scenario_path)
+    return write_fleet_planned(scenario, scenario_path.parent, out, progress or SilentProgress())
 
 
 def plan_job(progress: Progress, scenario: dict[str, Any], base: str, out: str) -> tuple[str, dict[str, Any]]:
@@ -223,6 +214,10 @@ class PlanService:
             InputError: naming the field.
         """
         parsed = parse_scenario(scenario)
+        if parsed.vehicle.count > 1:
+            raise InputError(
+                "the station plans for one vehicle: use 1, or `gcs plan` for several", field="vehicle.count"
+            )
         self._check_files(parsed)
         plan = PlanRecord(
             id=new_id("plan"),
@@ -240,7 +235,9 @@ class PlanService:
         return view
 
     def adopt(self, directory: Path) -> PlanView:
-        """Take over a plan that `gcs plan` wrote elsewhere; one with the same hash is not taken twice.
+        """Take over a plan that `gcs plan` wrote elsewhere, its sorties as plans of their own.
+
+        One with the same hash is not taken twice.
 
         Raises:
             InputError: the folder holds no plan, or not a whole one.
@@ -249,6 +246,7 @@ class PlanService:
         from gcs.storage.plan_files import (
             FILE_NAMES,
             is_plan_directory,
+            part_directories,
             plan_hash,
             read_plan,
             read_report,
@@ -275,6 +273,8 @@ class PlanService:
                 if (directory / name).is_file():
                     shutil.copyfile(directory / name, folder / name)
         self._database.plans.add(record)
+        for part in part_directories(directory):
+            self.adopt(part)
         view = self.get(record.id)
         self._feed.publish(PlanChanged(view))
         return view
@@ -320,6 +320,8 @@ class PlanService:
         self._feed.publish(PlanDeleted(plan_id))
 
     async def _run(self, plan: PlanRecord, job: JobRecord) -> None:
+        from gcs.storage.plan_files import part_directories
+
         def on_progress(stage: str, fraction: float) -> None:
             changed_stage = self._progress.get(job.id, ("", 0.0))[0] != stage
             self._progress[job.id] = (stage, fraction)
@@ -333,6 +335,8 @@ class PlanService:
             )
             self._end(job, JobState.DONE)
             self._database.plans.mark_ready(plan.id, plan_hash, report)
+            for part in part_directories(self._folder / plan.id):
+                self.adopt(part)
         except OperationCancelled as error:
             self._end(job, JobState.CANCELLED)
             self._database.plans.mark_ended(plan.id, PlanState.CANCELLED, Failure(error.title, error.message))

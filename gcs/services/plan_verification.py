@@ -9,40 +9,41 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from gcs.core.errors import GcsError, InputError
-from gcs.core.progress import SilentProgress
 from gcs.planning.camera_footprint import faces_camera, in_image
 from gcs.planning.certificates import Check, recheck
-from gcs.planning.coverage import certify_coverage
-from gcs.planning.energy import energy_wh
+from gcs.planning.energy import energy_wh, usable_wh
 from gcs.planning.face_certificate import recheck_faces
-from gcs.planning.fence import fence_volume
+from gcs.planning.own_ways import find_own_ways
 from gcs.planning.point_distance import SceneDistance
 from gcs.planning.viewpoints import points_to_inspect
 from gcs.planning.visibility import SightLines
+from gcs.services.coverage_verification import check_gimbal, recheck_coverage
+from gcs.services.fleet_plan import verify_fleet
 from gcs.services.mission_files import mission_files
+from gcs.services.sortie_verification import verify_sorties
+from gcs.storage.fleet_files import FLEET_FILE
 from gcs.storage.plan_document import face_entry
-from gcs.storage.plan_files import plan_tables, read_plan, read_report, read_structure
+from gcs.storage.plan_files import own_ways_report, plan_tables, read_plan, read_report, read_structure, sorties_report
 
 if TYPE_CHECKING:
     from pathlib import Path
 
     from gcs.core.plan import Plan
     from gcs.core.structure import Structure
+    from gcs.planning.ways_home import Intervals
 
-OTHER_SEED = 20_011
-"""The surface is sampled anew: with another seed than any planner option has."""
-
-COVERAGE_TOLERANCE = 0.01
 POINT_INCIDENCE_RAD = math.radians(60.0)
 GSD_SLACK = 1.001
 LIFT_M = 0.02
 """Sight of a named point is tested to just above the surface it is on."""
 
 ENERGY_TOLERANCE = 0.01
+OWN_WAYS_TOLERANCE = 1e-3
+"""Of the times, heights and counts of what the vehicle can do by itself."""
 
 
 def verify_plan(directory: Path) -> list[Check]:
-    """Check a written plan again.
+    """Check a written plan again, or the plans of a fleet.
 
     Returns:
         The checks; a file that cannot be read is one that does not hold, and the only one.
@@ -50,6 +51,8 @@ def verify_plan(directory: Path) -> list[Check]:
     Raises:
         InputError: there is no plan.
     """
+    if (directory / FLEET_FILE).is_file():
+        return verify_fleet(directory, verify_plan)
     if not (directory / "plan.json").is_file():
         read_plan(directory)
     try:
@@ -62,9 +65,12 @@ def verify_plan(directory: Path) -> list[Check]:
         *_files(plan, report, directory),
         *recheck(plan, distance),
         _energy(plan),
+        *verify_sorties(plan, directory, verify_plan),
+        *_own_ways(plan, distance),
         *_named_points(plan, structure),
         *recheck_faces(plan, SightLines(structure), distance),
-        *_coverage(plan, structure, distance),
+        check_gimbal(plan),
+        *recheck_coverage(plan, structure, distance),
     ]
 
 
@@ -81,7 +87,13 @@ def _files(plan: Plan, report: dict[str, Any], directory: Path) -> list[Check]:
         message = "says what plan.json says" if same else "is not that of plan.json"
         checks.append(Check(name, same, float(same), 1.0, message))
     faces = [face_entry(face).model_dump() for face in plan.faces]
-    told = {**asdict(plan.certificates), "mission_items": missions.items, "faces": faces}
+    told = {
+        **asdict(plan.certificates),
+        "mission_items": missions.items,
+        "faces": faces,
+        "own_ways": own_ways_report(plan),
+        "sorties": sorties_report(plan),
+    }
     other = sorted(key for key, value in told.items() if report.get(key) != value)
     message = f"differs from plan.json in {', '.join(other)}" if other else "says what plan.json says"
     return [*checks, Check("report.json", not other, float(not other), 1.0, message)]
@@ -108,22 +120,42 @@ def _named_points(plan: Plan, structure: Structure) -> list[Check]:
 
 
 def _energy(plan: Plan) -> Check:
-    needed = energy_wh(plan.trajectory, plan.scenario.vehicle.mass_kg)
+    flights = [(s.start_s, s.end_s) for s in plan.sorties] or [(0.0, plan.trajectory.duration_s)]
+    needed = sum(energy_wh(plan.trajectory, plan.scenario.vehicle, start, end) for start, end in flights)
     told = plan.certificates.energy_wh
-    battery = plan.scenario.vehicle.battery
-    usable = math.inf if battery is None else battery.capacity_wh * (1 - battery.reserve)
+    battery = None if plan.sorties else plan.scenario.vehicle.battery
+    usable = math.inf if battery is None else usable_wh(battery)
     ok = abs(needed - told) <= ENERGY_TOLERANCE * max(told, 1.0) and needed <= usable
     more = "" if battery is None else f", usable {usable:.1f} Wh"
     return Check("energy_wh", ok, needed, told, f"energy: {needed:.1f} Wh, reported {told:.1f} Wh{more}")
 
 
-def _coverage(plan: Plan, structure: Structure, distance: SceneDistance) -> list[Check]:
-    told = plan.certificates.coverage
-    if told is None:
+def _own_ways(plan: Plan, distance: SceneDistance) -> list[Check]:
+    """What the vehicle can do by itself is what the plan says it can."""
+    if plan.own_ways is None:
         return []
-    scenario = plan.scenario
-    fence = fence_volume(scenario.fence, scenario.vehicle, scenario.safety)
-    found = certify_coverage(scenario, structure, plan.viewpoints, fence, distance, SilentProgress(), seed=OTHER_SEED)
-    share = 0.0 if found is None else found.share_seen
-    ok = share >= told - COVERAGE_TOLERANCE
-    return [Check("coverage", ok, share, told, f"coverage: {share:.2%} of what is coverable, reported {told:.2%}")]
+    found = find_own_ways(plan, distance)
+    told, name = plan.own_ways, "own_ways"
+    if found.action is not told.action:
+        why = f"{told.action.value} is said to be safe from everywhere, {found.action.value} is"
+        return [Check(name, False, 0.0, 1.0, why)]
+    apart = max(
+        _apart(found.return_blocked_s, told.return_blocked_s),
+        _apart(found.landing_blocked_s, told.landing_blocked_s),
+        _apart(found.hold_blocked_s, told.hold_blocked_s),
+        _apart(found.rally_blocked_s or (), told.rally_blocked_s or ()),
+        abs((found.rally_altitude_m or 0.0) - (told.rally_altitude_m or 0.0)),
+        abs((found.return_altitude_m or 0.0) - (told.return_altitude_m or 0.0)),
+        abs(found.retrace_accuracy_m - told.retrace_accuracy_m),
+        float(abs(found.retrace_points - told.retrace_points)),
+    )
+    ok = apart <= OWN_WAYS_TOLERANCE
+    message = f"{found.action.value} is safe from everywhere; difference from what the plan says {apart:.3g}"
+    return [Check(name, ok, apart, OWN_WAYS_TOLERANCE, message)]
+
+
+def _apart(found_s: Intervals, told_s: Intervals) -> float:
+    """Largest difference of the ends of intervals (s); infinite when there are not as many."""
+    if len(found_s) != len(told_s):
+        return math.inf
+    return max((abs(a - b) for f, t in zip(found_s, told_s, strict=True) for a, b in zip(f, t, strict=True)), default=0)

@@ -7,6 +7,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from gcs.planning.own_ways import describe_own_ways
+from gcs.services.report_coverage import STYLE as COVERAGE_STYLE
+from gcs.services.report_coverage import coverage_section
 from gcs.services.report_pictures import scene_view, speed_chart
 
 if TYPE_CHECKING:
@@ -28,6 +31,7 @@ FIGURES: tuple[tuple[str, str, str], ...] = (
     ("corridor_violation_m", "corridor violation", "m"),
     ("worst_viewpoint_miss_m", "worst miss of a viewpoint", "m"),
     ("viewpoints", "viewpoints", ""),
+    ("viewpoints_lower_bound", "lower bound of the viewpoints", ""),
     ("coverage", "seen share of what is coverable", ""),
     ("coverable", "coverable share of all sampled sides", ""),
     ("tour_cost", "cost of the tour", ""),
@@ -75,13 +79,16 @@ def report_page(plan: Plan, structure: Structure, report: dict[str, Any]) -> str
         "Grey: structure. Violet: cables. Orange, dashed: path. Blue: trajectory. Red: viewpoints. Green: home. Metres."
     )
     return (
-        f'<!doctype html>\n<html lang="en"><head><meta charset="utf-8"><title>{title}</title><style>{STYLE}</style>'
+        f'<!doctype html>\n<html lang="en"><head><meta charset="utf-8"><title>{title}</title>'
+        f"<style>{STYLE}{COVERAGE_STYLE}</style>"
         f"</head><body>\n<h1>{title}</h1>\n<p>{_summary(plan)}</p>\n"
         f'<h2>Views</h2><div class="views">{views}</div><p>{legend}</p>\n'
         f"<h2>Speed over time</h2>{speed_chart(plan)}\n"
         f"<h2>Certificates</h2>{_figures(report)}\n"
+        f"{coverage_section(plan, structure)}"
         f"{_faces(plan)}"
         f"<h2>Clearance budget</h2>{_budget(plan)}\n"
+        f"{_own_ways(plan)}"
         f"<h2>Viewpoints</h2>{_viewpoints(plan)}\n"
         f"<h2>Planning time</h2>{_stages(plan)}\n</body></html>\n"
     )
@@ -126,6 +133,31 @@ def _budget(plan: Plan) -> str:
         f"<td>m</td></tr><tr><th>certified</th>"
         f'<td class="n">{plan.certificates.min_clearance_m:.2f}</td><td>m</td></tr></table>'
         f"<p>The hull's radius of {vehicle.radius_m:.2f} m comes on top of it.</p>"
+    )
+
+
+def _own_ways(plan: Plan) -> str:
+    """What the vehicle can do by itself, and when it cannot."""
+    ways = plan.own_ways
+    if ways is None:
+        return ""
+    kinds = (
+        (
+            "return",
+            ways.return_blocked_s if ways.return_altitude_m is not None else ((0.0, plan.trajectory.duration_s),),
+        ),
+        ("landing on the spot", ways.landing_blocked_s),
+        ("hold", ways.hold_blocked_s),
+    )
+    rows = "".join(
+        f'<tr><td>{name}</td><td class="n">{sum(b - a for a, b in blocked):.1f}</td>'
+        f"<td>{', '.join(f'{a:.0f}-{b:.0f}' for a, b in blocked)}</td></tr>"
+        for name, blocked in kinds
+    )
+    return (
+        "<h2>Ways home of the vehicle by itself</h2>"
+        f"<p>{escape(describe_own_ways(ways, plan.trajectory.duration_s))}.</p>"
+        f"<table><tr><th></th><th>blocked for s</th><th>from - to, s</th></tr>{rows}</table>\n"
     )
 
 

@@ -1,4 +1,4 @@
-"""Pictures of a plan as inline SVG: the scene from three sides, and speed over time."""
+"""Pictures of a plan as inline SVG: the scene from three sides, what is not seen of it, and speed over time."""
 
 from __future__ import annotations
 
@@ -7,10 +7,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
+    from collections.abc import Collection
+
     from numpy.typing import NDArray
 
     from gcs.core.plan import Plan
     from gcs.core.structure import Structure
+    from gcs.core.surface_coverage import SurfaceCoverage, Verdict
 
 WIDTH_PX = 480
 HEIGHT_PX = 420
@@ -19,6 +22,7 @@ CHART_HEIGHT_PX = 200
 MARGIN_PX = 28
 MAX_EDGES = 5000
 MAX_SAMPLES = 1500
+MAX_DOTS = 2500
 
 
 def scene_view(plan: Plan, structure: Structure, axes: tuple[int, int]) -> str:
@@ -36,33 +40,75 @@ def scene_view(plan: Plan, structure: Structure, axes: tuple[int, int]) -> str:
     views = np.array([v.position_m for v in plan.viewpoints]).reshape(-1, 3)[:, columns]
     edges = _edges(structure)[:, :, columns]
     everything = np.concatenate([curve, path, edges.reshape(-1, 2), structure.bounds_m[:, columns]])
-    low, high = everything.min(axis=0), everything.max(axis=0)
-    size = np.maximum(high - low, 1.0)
-    frame = np.array([WIDTH_PX, HEIGHT_PX])
-    scale = float(((frame - 2 * MARGIN_PX) / size).min())
-    corner = (frame - (high - low) * scale) / 2
-
-    def on_screen(points: NDArray[np.float64]) -> NDArray[np.float64]:
-        x = corner[0] + (points[..., 0] - low[0]) * scale
-        y = HEIGHT_PX - corner[1] - (points[..., 1] - low[1]) * scale
-        return np.stack([x, y], axis=-1)
-
+    on_screen = _Frame(everything)
     home = on_screen(np.array(plan.scenario.home_m)[columns])
     lines = "".join(f"M{a[0]:.1f} {a[1]:.1f}L{b[0]:.1f} {b[1]:.1f}" for a, b in on_screen(edges))
     cables = "".join(
         f"M{a[0]:.1f} {a[1]:.1f}L{b[0]:.1f} {b[1]:.1f}" for a, b in on_screen(structure.cable_ends_m[:, :, columns])
     )
     dots = "".join(f'<circle class="v" cx="{x:.1f}" cy="{y:.1f}" r="2.5"/>' for x, y in on_screen(views))
-    ruler = _round_length((high[0] - low[0]) / 4)
     return (
         f'<svg width="{WIDTH_PX}" height="{HEIGHT_PX}" role="img">'
         f'<path class="s" d="{lines}"/><path class="c" d="{cables}"/>'
         f'<polyline class="p" points="{_pairs(on_screen(path))}"/>'
         f'<polyline class="t" points="{_pairs(on_screen(curve))}"/>{dots}'
         f'<circle class="h" cx="{home[0]:.1f}" cy="{home[1]:.1f}" r="4"/>'
-        f'<path class="a" d="M{MARGIN_PX} {HEIGHT_PX - 10}h{ruler * scale:.1f}"/>'
-        f'<text x="{MARGIN_PX}" y="{HEIGHT_PX - 14}">{ruler:g} m</text></svg>'
+        f"{on_screen.ruler}</svg>"
     )
+
+
+def coverage_view(
+    coverage: SurfaceCoverage, structure: Structure, axes: tuple[int, int], verdicts: Collection[Verdict]
+) -> str:
+    """The sides that are not seen, in parallel projection, as dots of the class `k` and their verdict's number.
+
+    Args:
+        coverage: what becomes of each side.
+        structure: what is inspected.
+        axes: which coordinates go right and up.
+        verdicts: which sides are drawn.
+    """
+    columns = list(axes)
+    edges = _edges(structure)[:, :, columns]
+    on_screen = _Frame(structure.bounds_m[:, columns])
+    lines = "".join(f"M{a[0]:.1f} {a[1]:.1f}L{b[0]:.1f} {b[1]:.1f}" for a, b in on_screen(edges))
+    drawn = np.flatnonzero(np.isin(coverage.verdicts, [int(v) for v in verdicts]))
+    if len(drawn) > MAX_DOTS:
+        drawn = drawn[np.linspace(0, len(drawn) - 1, MAX_DOTS).astype(np.int64)]
+    dots = "".join(
+        f'<circle class="k{verdict}" cx="{x:.1f}" cy="{y:.1f}" r="1.5"/>'
+        for (x, y), verdict in zip(
+            on_screen(coverage.points_m[drawn][:, columns]), coverage.verdicts[drawn].tolist(), strict=True
+        )
+    )
+    return (
+        f'<svg width="{WIDTH_PX}" height="{HEIGHT_PX}" role="img"><path class="s" d="{lines}"/>{dots}'
+        f"{on_screen.ruler}</svg>"
+    )
+
+
+class _Frame:
+    """Scene metres to picture pixels, so that some points (N, 2) fill the picture."""
+
+    def __init__(self, points: NDArray[np.float64]) -> None:
+        self._low, high = points.min(axis=0), points.max(axis=0)
+        frame = np.array([WIDTH_PX, HEIGHT_PX])
+        self._scale = float(((frame - 2 * MARGIN_PX) / np.maximum(high - self._low, 1.0)).min())
+        self._corner = (frame - (high - self._low) * self._scale) / 2
+        self._ruler = _round_length(float(high[0] - self._low[0]) / 4)
+
+    def __call__(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
+        x = self._corner[0] + (points[..., 0] - self._low[0]) * self._scale
+        y = HEIGHT_PX - self._corner[1] - (points[..., 1] - self._low[1]) * self._scale
+        return np.stack([x, y], axis=-1)
+
+    @property
+    def ruler(self) -> str:
+        """A line of a round length, and its length."""
+        return (
+            f'<path class="a" d="M{MARGIN_PX} {HEIGHT_PX - 10}h{self._ruler * self._scale:.1f}"/>'
+            f'<text x="{MARGIN_PX}" y="{HEIGHT_PX - 14}">{self._ruler:g} m</text>'
+        )
 
 
 def speed_chart(plan: Plan) -> str:

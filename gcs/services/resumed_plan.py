@@ -48,6 +48,22 @@ async def plan_from_here(plan: Plan, directory: Path, vehicle: Vehicle, pictured
     return await asyncio.to_thread(_plan, str(directory), start, tuple(v.id for v in rest))
 
 
+def plan_from_home(directory: Path, pictured: Collection[int]) -> Plan:
+    """Plan from home through the viewpoints of a plan that have no picture yet: how it goes on after a battery swap.
+
+    Args:
+        directory: of the plan that was cut short.
+        pictured: ids of the viewpoints that need no second visit.
+
+    Raises:
+        InputError: there is no plan.
+        InfeasibleError: there is no plan for the rest.
+    """
+    plan, structure, scene = _scene(str(directory))
+    rest = [v for v in plan.viewpoints if v.id not in pictured]
+    return plan_rest(plan.scenario, structure, scene, rest, plan.scenario.home_m, SilentProgress())
+
+
 def _plan(directory: str, start_m: tuple[float, float, float], rest: tuple[int, ...]) -> Plan:
     plan, structure, scene = _scene(directory)
     remaining = [v for v in plan.viewpoints if v.id in rest]

@@ -59,7 +59,7 @@ def new_directory(path: Path, is_ours: Callable[[Path], bool]) -> Iterator[Path]
         try:
             partial.mkdir(parents=True)
             yield partial
-            for file in partial.iterdir():
+            for file in partial.rglob("*"):
                 _flush_directory(file)
             _flush_directory(partial)
             _put_in_place(partial, path)

@@ -11,10 +11,12 @@ from numpy.typing import ArrayLike, NDArray
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from gcs.core.camera import Camera
-from gcs.core.plan import CellNote, Certificates, FaceCoverage, Plan, SurfaceCoverage, Viewpoint
+from gcs.core.plan import CellNote, Certificates, FaceCoverage, OwnWays, Plan, Sortie, Viewpoint
 from gcs.core.scenario import Scenario
 from gcs.core.structure_source import Cable
 from gcs.core.trajectory import AngleProfile, PiecewisePolynomial
+from gcs.core.way_home import OwnAction
+from gcs.storage.coverage_document import CoverageEntry, coverage_entry, coverage_of
 
 Point = tuple[float, float, float]
 Coefficients = Annotated[list[Point], Field(min_length=8, max_length=8)]
@@ -78,15 +80,6 @@ class AngleEntry(Document):
     angles_rad: list[float]
 
 
-class CoverageEntry(Document):
-    """How the sampled sides of the surface are seen."""
-
-    points_m: list[Point]
-    normals: list[Point]
-    seen: list[bool]
-    coverable: list[bool]
-
-
 class CellEntry(Document):
     """A cell of a face and what is to be said about it."""
 
@@ -102,6 +95,30 @@ class FaceEntry(Document):
     covered: int
     moved: list[CellEntry]
     not_covered: list[CellEntry]
+
+
+class OwnWaysEntry(Document):
+    """What the vehicle can safely do by itself; intervals are (from, to) in seconds of the trajectory's time."""
+
+    action: Literal["return", "land", "retrace", "continue"]
+    return_altitude_m: float | None
+    return_blocked_s: list[tuple[float, float]]
+    landing_blocked_s: list[tuple[float, float]]
+    hold_blocked_s: list[tuple[float, float]]
+    retrace_accuracy_m: float
+    retrace_points: int
+    rally_blocked_s: list[tuple[float, float]] | None = None
+    rally_altitude_m: float | None = None
+
+
+class SortieEntry(Document):
+    """One of several flights on one battery each: its viewpoints, and take-off and landing on the trajectory's time."""
+
+    viewpoints: list[int]
+    energy_wh: float
+    duration_s: float
+    start_s: float
+    end_s: float
 
 
 class EventEntry(Document):
@@ -136,6 +153,11 @@ class CertificatesEntry(Document):
     open_sky: float
     max_blur_px: float | None = None
     max_skew_px: float | None = None
+    viewpoints_lower_bound: float | None = None
+    viewpoints_bound_solved: bool | None = None
+    surface_m2: float | None = None
+    coverage_samples: int | None = None
+    not_covered_m2: dict[str, float] | None = None
 
 
 class PlanDocument(Document):
@@ -156,6 +178,8 @@ class PlanDocument(Document):
     events: list[EventEntry]
     coverage: CoverageEntry | None
     faces: list[FaceEntry] = []
+    sorties: list[SortieEntry] = []
+    own_ways: OwnWaysEntry | None = None
     certificates: CertificatesEntry
     stages_s: dict[str, float]
 
@@ -177,11 +201,7 @@ class PlanDocument(Document):
             "tour": self.tour.order == ids,
             "events": [(e.viewpoint, e.time_s) for e in self.events if e.kind == "photo"]
             == [(v.id, v.time_s) for v in self.viewpoints],
-            "coverage": self.coverage is None
-            or len(self.coverage.points_m)
-            == len(self.coverage.normals)
-            == len(self.coverage.seen)
-            == len(self.coverage.coverable),
+            "sorties": not self.sorties or [v for s in self.sorties for v in s.viewpoints] == ids,
             "faces": all(f.covered == f.cells - len(f.not_covered) for f in self.faces),
         }
         wrong = [name for name, well in fits.items() if not well]
@@ -193,7 +213,6 @@ class PlanDocument(Document):
 def document_of(plan: Plan) -> PlanDocument:
     """The document of a plan."""
     certificates = plan.certificates
-    coverage = plan.coverage
     return PlanDocument(
         scenario=plan.scenario,
         camera=plan.scenario.camera,
@@ -228,23 +247,33 @@ def document_of(plan: Plan) -> PlanDocument:
         gimbal_pitch=AngleEntry(
             times_s=_numbers(plan.gimbal_pitch.times_s), angles_rad=_numbers(plan.gimbal_pitch.angles_rad)
         ),
-        events=[
-            EventEntry(time_s=0.0, kind="take_off"),
-            *(EventEntry(time_s=float(v.time_s), kind="photo", viewpoint=v.id) for v in plan.viewpoints),
-            EventEntry(time_s=plan.trajectory.duration_s, kind="landed"),
-        ],
-        coverage=None
-        if coverage is None
-        else CoverageEntry(
-            # A tenth of a millimetre is plenty for samples, and keeps the file small.
-            points_m=_points(np.round(coverage.points_m, 4)),
-            normals=_points(np.round(coverage.normals, 6)),
-            seen=coverage.seen.tolist(),
-            coverable=coverage.coverable.tolist(),
-        ),
+        events=sorted(_events(plan), key=lambda event: event.time_s),
+        coverage=None if plan.coverage is None else coverage_entry(plan.coverage),
         faces=[face_entry(face) for face in plan.faces],
+        sorties=[sortie_entry(sortie) for sortie in plan.sorties],
+        own_ways=own_ways_entry(plan.own_ways),
         certificates=CertificatesEntry.model_validate(vars(certificates)),
         stages_s=plan.stages_s,
+    )
+
+
+def _events(plan: Plan) -> list[EventEntry]:
+    flights = [(s.start_s, s.end_s) for s in plan.sorties] or [(0.0, plan.trajectory.duration_s)]
+    return [
+        *(EventEntry(time_s=start, kind="take_off") for start, _ in flights),
+        *(EventEntry(time_s=float(v.time_s), kind="photo", viewpoint=v.id) for v in plan.viewpoints),
+        *(EventEntry(time_s=end, kind="landed") for _, end in flights),
+    ]
+
+
+def sortie_entry(sortie: Sortie) -> SortieEntry:
+    """The entry of a sortie."""
+    return SortieEntry(
+        viewpoints=list(sortie.viewpoints),
+        energy_wh=sortie.energy_wh,
+        duration_s=sortie.duration_s,
+        start_s=sortie.start_s,
+        end_s=sortie.end_s,
     )
 
 
@@ -259,13 +288,17 @@ def face_entry(face: FaceCoverage) -> FaceEntry:
     )
 
 
+def own_ways_entry(ways: OwnWays | None) -> OwnWaysEntry | None:
+    """The entry of what the vehicle can do by itself."""
+    return None if ways is None else OwnWaysEntry.model_validate({**vars(ways), "action": ways.action.value})
+
+
 def _ascends(values: Sequence[float], *, strictly: bool = True) -> bool:
     return all(a < b or (a == b and not strictly) for a, b in itertools.pairwise(values))
 
 
 def plan_of(document: PlanDocument) -> Plan:
     """The plan that a document holds."""
-    coverage = document.coverage
     return Plan(
         scenario=document.scenario,
         cables=tuple(document.cables),
@@ -291,24 +324,35 @@ def plan_of(document: PlanDocument) -> Plan:
         ),
         yaw=_angle(document.yaw),
         gimbal_pitch=_angle(document.gimbal_pitch),
-        coverage=None
-        if coverage is None
-        else SurfaceCoverage(
-            points_m=_array(coverage.points_m, (-1, 3)),
-            normals=_array(coverage.normals, (-1, 3)),
-            seen=np.array(coverage.seen, dtype=np.bool_),
-            coverable=np.array(coverage.coverable, dtype=np.bool_),
-        ),
+        coverage=None if document.coverage is None else coverage_of(document.coverage),
         certificates=Certificates(**document.certificates.model_dump()),
         stages_s=document.stages_s,
         faces=tuple(
             FaceCoverage(face.name, face.cells, _notes(face.moved), _notes(face.not_covered)) for face in document.faces
         ),
+        own_ways=_own_ways(document.own_ways),
+        sorties=tuple(Sortie(tuple(s.viewpoints), s.start_s, s.end_s, s.energy_wh) for s in document.sorties),
     )
 
 
 def _notes(entries: list[CellEntry]) -> tuple[CellNote, ...]:
     return tuple(CellNote(entry.cell, entry.reason) for entry in entries)
+
+
+def _own_ways(entry: OwnWaysEntry | None) -> OwnWays | None:
+    if entry is None:
+        return None
+    return OwnWays(
+        action=OwnAction(entry.action),
+        return_altitude_m=entry.return_altitude_m,
+        return_blocked_s=tuple(entry.return_blocked_s),
+        landing_blocked_s=tuple(entry.landing_blocked_s),
+        hold_blocked_s=tuple(entry.hold_blocked_s),
+        retrace_accuracy_m=entry.retrace_accuracy_m,
+        retrace_points=entry.retrace_points,
+        rally_blocked_s=None if entry.rally_blocked_s is None else tuple(entry.rally_blocked_s),
+        rally_altitude_m=entry.rally_altitude_m,
+    )
 
 
 def _point(values: NDArray[np.float64]) -> Point:

@@ -7,6 +7,7 @@ import hashlib
 import io
 import json
 import math
+import re
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
@@ -16,7 +17,7 @@ from pydantic import ValidationError
 from gcs.core.errors import InputError
 from gcs.core.structure import Structure
 from gcs.storage.atomic_files import check_replaceable, new_directory
-from gcs.storage.plan_document import PlanDocument, document_of, face_entry, plan_of
+from gcs.storage.plan_document import PlanDocument, document_of, face_entry, own_ways_entry, plan_of, sortie_entry
 from gcs.storage.ply_files import ply_bytes, read_ply
 
 if TYPE_CHECKING:
@@ -42,6 +43,9 @@ SAMPLE_S = 0.02
 """Step of trajectory.csv: 50 Hz."""
 SMALLEST_STEP_S = 1e-4
 
+PART = re.compile(r"(sortie|vehicle)-([1-9]\d*)")
+"""Name of the folder of a sortie or of a vehicle's plan."""
+
 VIEWPOINT_COLUMNS = [
     *("id", "name", "x_m", "y_m", "z_m"),
     *("dir_x", "dir_y", "dir_z", "up_x", "up_y", "up_z"),
@@ -63,7 +67,31 @@ def plan_report(plan: Plan, *, mission_items: int | None = None) -> dict[str, An
         mission_items: how many items its mission has; None when no mission files are written.
     """
     faces = [face_entry(face).model_dump() for face in plan.faces]
-    return {**asdict(plan.certificates), "faces": faces, "mission_items": mission_items, "stages_s": plan.stages_s}
+    return {
+        **asdict(plan.certificates),
+        "faces": faces,
+        "own_ways": own_ways_report(plan),
+        "sorties": sorties_report(plan),
+        "mission_items": mission_items,
+        "stages_s": plan.stages_s,
+    }
+
+
+def own_ways_report(plan: Plan) -> dict[str, Any] | None:
+    """What the vehicle can safely do by itself, as `report.json` has it."""
+    entry = own_ways_entry(plan.own_ways)
+    return None if entry is None else entry.model_dump(mode="json")
+
+
+def sorties_report(plan: Plan) -> list[dict[str, Any]]:
+    """The flights of a plan that one battery is not enough for, as `report.json` has them."""
+    return [sortie_entry(sortie).model_dump() for sortie in plan.sorties]
+
+
+def part_directories(directory: Path) -> list[Path]:
+    """The folders of the sorties or vehicles in a plan's folder, in order; empty when it is one flight."""
+    parts = [(match, entry) for entry in directory.iterdir() if (match := PART.fullmatch(entry.name))]
+    return [entry for _, entry in sorted(parts, key=lambda part: int(part[0][2]))]
 
 
 def check_output(directory: Path) -> None:
@@ -76,9 +104,11 @@ def check_output(directory: Path) -> None:
 
 
 def is_plan_directory(directory: Path) -> bool:
-    """Whether a folder holds a plan and nothing else."""
-    names = {entry.name for entry in directory.iterdir()}
-    return "plan.json" in names and names <= set(FILE_NAMES)
+    """Whether a folder holds a plan, with the folders of its parts, and nothing else."""
+    parts = part_directories(directory)
+    names = {entry.name for entry in directory.iterdir()} - {part.name for part in parts}
+    whole = "plan.json" in names and names <= set(FILE_NAMES)
+    return whole and all(part.is_dir() and is_plan_directory(part) for part in parts)
 
 
 def write_plan(
@@ -88,6 +118,7 @@ def write_plan(
     *,
     report: dict[str, Any] | None = None,
     extra_files: Mapping[str, bytes] | None = None,
+    parts: Mapping[str, Mapping[str, bytes]] | None = None,
 ) -> str:
     """Write all files of a plan; the folder appears whole, or stays as it was.
 
@@ -97,6 +128,7 @@ def write_plan(
         directory: the folder; one that holds an earlier plan is replaced.
         report: content of `report.json`; `plan_report(plan)` when left out.
         extra_files: content of `mission.plan`, `mission.waypoints` and `report.html`.
+        parts: folders such as `sortie-1` and what `plan_contents` gives for the plans in them.
 
     Returns:
         The plan's hash: SHA-256 of the bytes of `plan.json`.
@@ -105,22 +137,41 @@ def write_plan(
         InputError: the folder holds something else.
         StorageError: the disk did not take it.
     """
+    contents = plan_contents(plan, structure, report=report, extra_files=extra_files)
+    with new_directory(directory, is_plan_directory) as folder:
+        write_contents(folder, contents)
+        for name, files in (parts or {}).items():
+            (folder / name).mkdir()
+            write_contents(folder / name, files)
+    return hashlib.sha256(contents["plan.json"]).hexdigest()
+
+
+def write_contents(folder: Path, contents: Mapping[str, bytes]) -> None:
+    """Write files into a folder that is there."""
+    for name, content in contents.items():
+        (folder / name).write_bytes(content)
+
+
+def plan_contents(
+    plan: Plan,
+    structure: Structure,
+    *,
+    report: dict[str, Any] | None = None,
+    extra_files: Mapping[str, bytes] | None = None,
+) -> dict[str, bytes]:
+    """All files of a plan, name -> content; arguments as of `write_plan`."""
     extra = dict(extra_files or {})
     unknown = extra.keys() - set(FILE_NAMES)
     if unknown:
         raise ValueError(f"not files of a plan: {', '.join(sorted(unknown))}")
     document = document_of(plan).model_dump_json(indent=None, exclude_none=False).encode() + b"\n"
-    contents: dict[str, bytes] = {
+    return {
         **plan_tables(plan),
         "structure.ply": ply_bytes(structure.vertices_m, structure.faces),
         "report.json": json.dumps(report or plan_report(plan), indent=2, allow_nan=False).encode() + b"\n",
         **extra,
         "plan.json": document,
     }
-    with new_directory(directory, is_plan_directory) as folder:
-        for name, content in contents.items():
-            (folder / name).write_bytes(content)
-    return hashlib.sha256(document).hexdigest()
 
 
 def plan_tables(plan: Plan) -> dict[str, bytes]:

@@ -118,7 +118,7 @@ def test_little_more_than_half_a_pitch_is_lost_on_the_grid(gantry):
     near = np.random.default_rng(5).choice(near, 4000)
     kept = np.minimum(true_distance(GANTRY, centres[near]), centres[near, 2])
     free = gantry.free_mask[tuple(cells[near].T)]
-    needed = CLEARANCE + gantry.pitch_m / 2 + 0.05
+    needed = CLEARANCE + gantry.pitch_m / 2 + gantry.model.tolerance
     assert (kept[free] >= needed - 1e-3).all()
     assert free[kept >= needed + 1e-3].all()
 

@@ -151,3 +151,33 @@ def test_a_long_search_asks_whether_to_go_on():
 
     with pytest.raises(KeyboardInterrupt):
         GridSearch(allowed.shape).search(allowed, (0, 0, 0), (99, 0, 0), poll=stop)
+
+
+def test_the_nearest_of_many_cells_is_the_one_with_the_shortest_path():
+    rng = np.random.default_rng(8)
+    free = rng.random((14, 12, 10)) < 0.75
+    grid = GridSearch(free.shape)
+    cells = np.argwhere(free)
+    for seed in range(20):
+        wanted = np.zeros_like(free)
+        some = cells[np.random.default_rng(seed).choice(len(cells), 4)]
+        wanted[tuple(some.T)] = True
+        start = cells[np.random.default_rng(100 + seed).integers(len(cells))]
+        each = [grid.search(free, start, goal) for goal in some]
+        shortest = min((found[1] for found in each if found is not None), default=None)
+        found = grid.nearest(free, start, wanted)
+        if shortest is None:
+            assert found is None
+            continue
+        path, cost = found
+        assert path[0].tolist() == start.tolist()
+        assert wanted[tuple(path[-1])]
+        assert cost == pytest.approx(shortest)
+
+
+def test_a_start_that_is_wanted_is_its_own_nearest():
+    free = np.ones((4, 4, 4), dtype=np.bool_)
+    path, cost = GridSearch(free.shape).nearest(free, (1, 2, 3), free)
+    assert path.tolist() == [[1, 2, 3]]
+    assert cost == 0.0
+    assert GridSearch(free.shape).nearest(~free, (1, 2, 3), free) is None

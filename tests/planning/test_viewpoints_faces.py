@@ -123,13 +123,13 @@ def test_cells_are_photographed_from_where_their_footprint_and_the_position_erro
 
 
 def test_small_cells_are_photographed_from_the_clearance(tower_scenario, tower, tower_scene):
-    face = EAST.model_copy(update={"cell_m": 2.0})
+    face = EAST.model_copy(update={"cell_m": 1.0})
     scenario = asking(tower_scenario, face)
     found, scene = found_in(scenario, tower, tower_scene)
     nearest = scene.space.clearance_m + KEPT_MORE_M
-    assert stand_off_m(scenario, 2.0) < nearest
+    assert stand_off_m(scenario, 1.0) < nearest
     np.testing.assert_allclose([p.position_m[0] - 4 for p in found.poses], nearest)
-    assert found.faces[0].covered == len(found.poses) == 4 * 8
+    assert found.faces[0].covered == len(found.poses) == 8 * 16
 
 
 def test_a_gsd_must_hold_where_the_cell_fits(tower_scenario, tower, tower_scene):
@@ -140,6 +140,14 @@ def test_a_gsd_must_hold_where_the_cell_fits(tower_scenario, tower, tower_scene)
     fine = EAST.model_copy(update={"gsd_mm": 0.99 * best})
     with pytest.raises(InfeasibleError, match=rf"inspection\.faces\.east: .* the best it can have is {best:.2f} mm"):
         found_in(asking(tower_scenario, fine), tower, tower_scene)
+
+
+def test_cells_too_large_for_any_viewpoint_say_so(tower_scenario, tower, tower_scene):
+    huge = EAST.model_copy(update={"along_m": (0, 80, 0), "up_m": (0, 0, 80), "cell_m": 80.0})
+    with pytest.raises(
+        InfeasibleError, match=r"faces\.east: .* only from 80\.60 m, and viewpoints are at most 40 m away"
+    ):
+        prepare_scene(asking(tower_scenario, huge), tower, QUIET)
 
 
 def test_the_incidence_limit_holds_at_the_corners(tower_scenario, tower, tower_scene):

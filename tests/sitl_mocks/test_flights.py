@@ -389,10 +389,93 @@ def test_the_fence_turns_it_back(make_ground):
         g.run_until(lambda v=g.vehicle: v.mode_name() in {"AUTO.RTL", "RTL"}, 20.0)
 
 
-def test_return_uses_the_vehicles_own_height(either):
-    either.in_air(5.0)
-    expected = 30.0 if either.vehicle.kind == "px4" else 15.0
-    either.command(M.MAV_CMD_NAV_RETURN_TO_LAUNCH)
-    highest = []
-    either.run_until(lambda: highest.append(either.vehicle.airframe.height_m) or not either.vehicle.armed, 300.0)
-    assert max(highest) == pytest.approx(expected, abs=0.5)
+def highest_on_the_way_home(ground):
+    ground.in_air(5.0)
+    ground.command(M.MAV_CMD_NAV_RETURN_TO_LAUNCH)
+    heights = []
+    ground.run_until(lambda: heights.append(ground.vehicle.airframe.height_m) or not ground.vehicle.armed, 300.0)
+    return max(heights)
+
+
+@pytest.mark.parametrize(
+    ("kind", "cone", "own"), [("px4", "RTL_CONE_ANG", 30.0), ("ardupilot", "RTL_CONE_SLOPE", 15.0)]
+)
+def test_return_uses_the_vehicles_own_height(make_ground, kind, cone, own):
+    assert highest_on_the_way_home(make_ground(kind, parameters=((cone, 0.0),))) == pytest.approx(own, abs=0.5)
+
+
+@pytest.mark.parametrize(("kind", "height"), [("px4", 5.0), ("ardupilot", 7.5)])
+def test_over_home_a_cone_keeps_the_return_low(make_ground, kind, height):
+    assert highest_on_the_way_home(make_ground(kind)) == pytest.approx(height, abs=0.5)
+
+
+def around_a_wall(ground):
+    """Up, east, north and down behind where a straight way home would be; returns the flown path."""
+    ground.in_air(10.0)
+    for east, north, up in ((30.0, 0.0, 10.0), (30.0, 30.0, 10.0), (30.0, 30.0, 6.0)):
+        target = (north, east, -up)
+        for _ in range(400):
+            ground.setpoint(target, mask=0b110111111000)
+            ground.run(0.1)
+            off = ground.vehicle.airframe.position_m - ground.vehicle.home_m - np.array([east, north, up])
+            if np.linalg.norm(off) < 0.3:
+                break
+        else:
+            raise AssertionError(f"not at {target}: {off}")
+
+
+@pytest.mark.parametrize("choice", [3, 4])
+def test_ardupilot_flies_back_the_way_it_came_when_the_station_is_lost(make_ground, choice):
+    g = make_ground(
+        "ardupilot", parameters=(("FS_GCS_ENABLE", choice), ("FS_GCS_TIMEOUT", 2.0), ("SRTL_ACCURACY", 1.0))
+    )
+    around_a_wall(g)
+    track = []
+    g.run(3.0, heartbeats=False)
+    assert g.vehicle.mode_name() == "SMART_RTL"
+
+    def down():
+        track.append(g.vehicle.airframe.position_m - g.vehicle.home_m)
+        return not g.vehicle.armed
+
+    g.run_until(down, 300.0, heartbeats=False)
+    track = np.array(track)
+    flown = np.array([[0, 0, 0], [0, 0, 10], [30, 0, 10], [30, 30, 10], [30, 30, 6]], float)
+    a, along = flown[:-1], np.diff(flown, axis=0)
+    share = np.clip(((track[:, None] - a) * along).sum(-1) / (along**2).sum(-1), 0, 1)
+    off = np.linalg.norm(track[:, None] - a - share[..., None] * along, axis=-1).min(axis=1)
+    assert off.max() < 1.5
+    assert np.linalg.norm(track[-1]) < 0.5
+    # the straight way would have led through the middle
+    assert np.linalg.norm(track[:, :2] - [15.0, 15.0], axis=1).min() > 12.0
+
+
+@pytest.mark.parametrize(("choice", "mode"), [(3, "RTL"), (4, "LAND")])
+def test_ardupilot_does_the_other_thing_when_it_forgot_the_way(make_ground, choice, mode):
+    few = (("FS_GCS_ENABLE", choice), ("FS_GCS_TIMEOUT", 2.0), ("SRTL_POINTS", 3))
+    g = make_ground("ardupilot", parameters=few)
+    around_a_wall(g)
+    assert "SmartRTL deactivated: buffer full" in g.texts()
+    assert g.set_mode(21) == [4]
+    g.run(3.0, heartbeats=False)
+    assert g.vehicle.mode_name() == mode
+
+
+def test_px4_goes_on_with_its_mission_when_the_loss_of_the_station_is_excepted(make_ground):
+    g = make_ground("px4", parameters=(("COM_DL_LOSS_T", 1), ("COM_FAIL_ACT_T", 0.5), ("COM_DLL_EXCEPT", 3)))
+    start(g)
+    g.run_until(lambda: g.vehicle.airframe.height_m > 9.0)
+    modes = set()
+    g.run_until(lambda: modes.add(g.vehicle.mode_name()) or not g.vehicle.armed, heartbeats=False)
+    assert g.vehicle.station_lost
+    assert "AUTO.RTL" not in modes
+    assert len(g.vehicle.camera.shots) == 1
+
+
+@pytest.mark.parametrize(("choice", "mode"), [(1, "AUTO.LOITER"), (2, "AUTO.RTL"), (3, "AUTO.LAND")])
+def test_px4_does_what_it_is_set_to_when_the_station_is_lost(make_ground, choice, mode):
+    g = make_ground("px4", parameters=(("COM_DL_LOSS_T", 1), ("COM_FAIL_ACT_T", 0.5), ("NAV_DLL_ACT", choice)))
+    start(g)
+    g.run_until(lambda: g.vehicle.airframe.height_m > 9.0)
+    g.run(4.0, heartbeats=False)
+    assert g.vehicle.mode_name() == mode

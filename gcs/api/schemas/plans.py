@@ -47,6 +47,16 @@ class FaceReport(Sent):
     not_covered: list[FaceCellNote] = Field(description="Cells that no place shows whole, and why.")
 
 
+class SortieReport(Sent):
+    """One of several flights on one battery each; the vehicle rests at home between them."""
+
+    viewpoints: list[int] = Field(description="Ids, in visiting order.")
+    energy_wh: float
+    duration_s: float
+    start_s: float = Field(description="Take-off, on the time of the whole plan.")
+    end_s: float
+
+
 class PlanReport(Sent):
     """The figures of `report.json`."""
 
@@ -71,7 +81,17 @@ class PlanReport(Sent):
     open_sky: float
     max_blur_px: float | None = Field(None, description="None when the camera's exposure is not known.")
     max_skew_px: float | None = Field(None, description="None when the camera's readout is not known.")
+    viewpoints_lower_bound: float | None = Field(
+        None, description="No choice from the same candidates that covers as much has fewer viewpoints."
+    )
+    viewpoints_bound_solved: bool | None = Field(None, description="Whether it is the best of its kind to 0.2 %.")
+    surface_m2: float | None = Field(None, description="Area that was asked for, both sides.")
+    coverage_samples: int | None = None
+    not_covered_m2: dict[str, float] | None = Field(None, description="Area that is not seen, by its verdict.")
     faces: list[FaceReport] = Field(default_factory=list)
+    sorties: list[SortieReport] = Field(
+        default_factory=list, description="The flights, when one battery is not enough for all; else empty."
+    )
     mission_items: int | None = Field(description="None when the plan was written without mission files.")
     stages_s: dict[str, float]
 
@@ -128,6 +148,11 @@ class CoverageSamples(Sent):
     normals: list[Point3]
     seen: list[bool]
     coverable: list[bool]
+    verdicts: list[str] = Field(
+        description="What becomes of each: `seen`, `left_out` (could be seen by more viewpoints), or why no picture "
+        "shows it: `gimbal`, `incidence`, `too_far`, `not_sharp`, `fence`, `ground`, `not_reachable`, `too_close`, "
+        "`occluded`."
+    )
     samples: int = Field(description="How many the certificate used; the columns may hold a thinned-out part of them.")
 
 

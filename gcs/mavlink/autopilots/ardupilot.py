@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 
 from gcs.core.errors import RefusedError
 from gcs.core.mission import Command
 from gcs.core.vehicle import Autopilot, Failsafe, FlightMode, MissionProgress, MissionState, VehicleLimits
+from gcs.core.way_home import OwnAction, RetraceMemory, ReturnFlight
 from gcs.mavlink.autopilots.base import (
     CommandCall,
     FlightControl,
@@ -18,7 +20,7 @@ from gcs.mavlink.autopilots.base import (
 )
 from gcs.mavlink.dialect import mavlink
 
-AUTO, GUIDED, LOITER, RTL, LAND, BRAKE = 3, 4, 5, 6, 9, 17
+AUTO, GUIDED, LOITER, RTL, LAND, BRAKE, SMART_RTL = 3, 4, 5, 6, 9, 17, 21
 MODE_NAMES = {
     0: "STABILIZE",
     1: "ACRO",
@@ -54,7 +56,7 @@ _OF_NUMBER = {
     LOITER: FlightMode.HOLD,
     BRAKE: FlightMode.HOLD,
     RTL: FlightMode.RETURN,
-    21: FlightMode.RETURN,
+    SMART_RTL: FlightMode.RETURN,
     27: FlightMode.RETURN,
     LAND: FlightMode.LAND,
 } | dict.fromkeys((0, 1, 2, 11, 13, 16, 22, 29), FlightMode.MANUAL)
@@ -81,6 +83,14 @@ class ArduPilot(FlightStack):
         "WPNAV_ACCEL",
         "GUID_TIMEOUT",
         "RTL_ALT",
+        "RTL_CLIMB_MIN",
+        "RTL_CONE_SLOPE",
+        "FENCE_ENABLE",
+        "FENCE_TYPE",
+        "FENCE_ALT_MAX",
+        "FENCE_MARGIN",
+        "SRTL_ACCURACY",
+        "SRTL_POINTS",
     )
     failsafe_parameters = (
         "FS_GCS_ENABLE",
@@ -88,6 +98,7 @@ class ArduPilot(FlightStack):
         "FS_THR_ENABLE",
         "FS_OPTIONS",
         "BATT_FS_LOW_ACT",
+        "BATT_FS_CRT_ACT",
         "FENCE_ENABLE",
         "FENCE_ACTION",
         "GUID_TIMEOUT",
@@ -182,11 +193,17 @@ class ArduPilot(FlightStack):
             max_acceleration_m_s2=positive(setting(values, "WPNAV_ACCEL", _CENTIMETRES)),
             offboard_timeout_s=setting(values, "GUID_TIMEOUT"),
             return_altitude_m=setting(values, "RTL_ALT", _CENTIMETRES),
+            return_flight=_return_flight(values),
+            retrace=_retrace_memory(values),
         )
+
+    def retrace_mode(self) -> int | None:
+        """See FlightStack."""
+        return SMART_RTL
 
     def failsafes(self, values: ParameterValues) -> tuple[Failsafe, ...]:
         """See FlightStack."""
-        timeout = values.get("FS_GCS_TIMEOUT")
+        timeout, options = values.get("FS_GCS_TIMEOUT"), round(values.get("FS_OPTIONS") or 0)
         after = "" if timeout is None else f" for {timeout:g} s"
         return (
             failsafe(
@@ -195,6 +212,14 @@ class ArduPilot(FlightStack):
                 "ground-station loss",
                 {0: "does nothing when the ground station is lost"}
                 | _actions(f"when the ground station is lost{after}"),
+                does=_STATION_LOSS,
+                exempt=_goes_on(values, 2, {FlightMode.HOLD: OwnAction.HOLD} if options & 16 else {}),
+                settings={
+                    OwnAction.RETURN: "FS_GCS_ENABLE 1",
+                    OwnAction.LAND: "FS_GCS_ENABLE 5",
+                    OwnAction.RETRACE: "FS_GCS_ENABLE 4",
+                    OwnAction.CONTINUE: f"FS_OPTIONS {options | 18}",
+                },
             ),
             failsafe(
                 values,
@@ -202,22 +227,22 @@ class ArduPilot(FlightStack):
                 "RC loss",
                 {0: "does nothing when the transmitter is lost"}
                 | _actions("when the transmitter is lost")
-                | {3: "lands when the transmitter is lost", 4: "returns when the transmitter is lost"},
-            ),
-            failsafe(
-                values,
-                "BATT_FS_LOW_ACT",
-                "battery",
-                {
-                    0: "only warns when the battery is low",
-                    1: "lands when the battery is low",
-                    2: "returns when the battery is low",
-                    3: "returns the way it came, or straight, when the battery is low",
-                    4: "returns the way it came, or lands, when the battery is low",
-                    5: "terminates the flight when the battery is low",
-                    7: "brakes, or lands, when the battery is low",
+                | {
+                    3: "lands when the transmitter is lost",
+                    4: "returns the way it came, or straight, when the transmitter is lost",
+                    5: "returns the way it came, or lands, when the transmitter is lost",
+                },
+                does=_STATION_LOSS | {3: OwnAction.LAND, 5: OwnAction.RETRACE},
+                exempt=_goes_on(values, 1, {FlightMode.OFFBOARD: OwnAction.NOTHING} if options & 4 else {}),
+                settings={
+                    OwnAction.RETURN: "FS_THR_ENABLE 1",
+                    OwnAction.LAND: "FS_THR_ENABLE 3",
+                    OwnAction.RETRACE: "FS_THR_ENABLE 5",
+                    OwnAction.HOLD: "FS_THR_ENABLE 7",
                 },
             ),
+            _battery(values, "BATT_FS_LOW_ACT", "low"),
+            _battery(values, "BATT_FS_CRT_ACT", "critical"),
             self._fence(values),
             self._stream_loss(values),
             self._return(values),
@@ -252,7 +277,8 @@ class ArduPilot(FlightStack):
         if timeout is None:
             return Failsafe("GUID_TIMEOUT", "offboard loss", None, None, "the vehicle did not tell it")
         effect = f"flies on for {timeout:g} s at the last velocity when setpoints stop, then brakes and stays in GUIDED"
-        return Failsafe("GUID_TIMEOUT", "offboard loss", timeout, timeout > 0, effect)
+        does = {FlightMode.OFFBOARD: OwnAction.HOLD}
+        return Failsafe("GUID_TIMEOUT", "offboard loss", timeout, timeout > 0, effect, does)
 
     @staticmethod
     def _return(values: ParameterValues) -> Failsafe:
@@ -263,6 +289,74 @@ class ArduPilot(FlightStack):
         if altitude == 0:
             effect = "returns at the height it has"
         return Failsafe("RTL_ALT", "return", values.get("RTL_ALT"), True, effect)
+
+
+_STATION_LOSS = {
+    0: OwnAction.NOTHING,
+    1: OwnAction.RETURN,
+    2: OwnAction.RETURN,
+    3: OwnAction.RETRACE,
+    4: OwnAction.RETRACE,
+    5: OwnAction.LAND,
+    6: OwnAction.RETURN,
+    7: OwnAction.HOLD,
+}
+_BATTERY = _STATION_LOSS | {1: OwnAction.LAND, 2: OwnAction.RETURN, 5: OwnAction.FALL}
+
+
+def _goes_on(values: ParameterValues, bit: int, besides: Mapping[FlightMode, OwnAction]) -> dict[FlightMode, OwnAction]:
+    """Modes in which FS_OPTIONS, or the old choice 2, lets a vehicle go on."""
+    old = values.get("FS_GCS_ENABLE" if bit == 2 else "FS_THR_ENABLE") == 2
+    goes_on = old or round(values.get("FS_OPTIONS") or 0) & bit
+    return ({FlightMode.MISSION: OwnAction.CONTINUE} if goes_on else {}) | dict(besides)
+
+
+def _battery(values: ParameterValues, name: str, level: str) -> Failsafe:
+    return failsafe(
+        values,
+        name,
+        "battery",
+        {
+            0: f"only warns when the battery is {level}",
+            1: f"lands when the battery is {level}",
+            2: f"returns when the battery is {level}",
+            3: f"returns the way it came, or straight, when the battery is {level}",
+            4: f"returns the way it came, or lands, when the battery is {level}",
+            5: f"terminates the flight when the battery is {level}",
+            6: f"flies to its landing sequence, or returns, when the battery is {level}",
+            7: f"brakes, or lands, when the battery is {level}",
+        },
+        does=_BATTERY,
+        settings={OwnAction.RETURN: f"{name} 2", OwnAction.LAND: f"{name} 1", OwnAction.RETRACE: f"{name} 4"},
+    )
+
+
+def _return_flight(values: ParameterValues) -> ReturnFlight | None:
+    """RTL: below RTL_CONE_SLOPE times the distance from home it climbs only by 2.5 m; slopes under 0.5 do not count.
+
+    A height fence that is on lowers the return under it, by its margin.
+    """
+    altitude = setting(values, "RTL_ALT", _CENTIMETRES)
+    if altitude is None:
+        return None
+    fence_m = values.get("FENCE_ALT_MAX")
+    if values.get("FENCE_ENABLE") and round(values.get("FENCE_TYPE") or 0) & 1 and fence_m is not None:
+        altitude = min(altitude, fence_m - (values.get("FENCE_MARGIN") or 0.0))
+    slope = values.get("RTL_CONE_SLOPE")
+    return ReturnFlight(
+        altitude,
+        least_climb_m=max(setting(values, "RTL_CLIMB_MIN", _CENTIMETRES) or 0.0, 0.0),
+        cone_slope=slope if slope is not None and slope >= 0.5 else None,
+        cone_climb_m=2.5,
+        no_cone="RTL_CONE_SLOPE 0",
+    )
+
+
+def _retrace_memory(values: ParameterValues) -> RetraceMemory | None:
+    accuracy, points = values.get("SRTL_ACCURACY"), values.get("SRTL_POINTS")
+    if accuracy is None or points is None:
+        return None
+    return RetraceMemory(accuracy, round(points), "SRTL_ACCURACY", "SRTL_POINTS")
 
 
 def _actions(when: str) -> dict[int, str]:

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import Protocol
 
 from gcs.core.vehicle import Autopilot, Failsafe, FlightMode, MissionProgress, MissionState, Telemetry, VehicleLimits
+from gcs.core.way_home import OwnAction
 
 ParameterValues = Mapping[str, float | None]
 NAN = float("nan")
@@ -133,6 +134,10 @@ class FlightStack(ABC):
         del altitude_m
         return None
 
+    def retrace_mode(self) -> int | None:
+        """The number of the mode that flies home along the path that was flown; None when there is none."""
+        return None
+
     @abstractmethod
     def limits(self, values: ParameterValues) -> VehicleLimits:
         """What `limit_parameters` allow."""
@@ -174,8 +179,20 @@ def positive(value: float | None) -> float | None:
     return value if value is not None and value > 0 else None
 
 
+IN_FLIGHT = (FlightMode.MISSION, FlightMode.HOLD, FlightMode.OFFBOARD)
+"""Modes in which the station's flights can meet a failsafe."""
+
+
 def failsafe(
-    values: ParameterValues, name: str, about: str, effects: Mapping[int, str], *, off: frozenset[int] = frozenset({0})
+    values: ParameterValues,
+    name: str,
+    about: str,
+    effects: Mapping[int, str],
+    *,
+    off: frozenset[int] = frozenset({0}),
+    does: Mapping[int, OwnAction] | None = None,
+    exempt: Mapping[FlightMode, OwnAction] | None = None,
+    settings: Mapping[OwnAction, str] | None = None,
 ) -> Failsafe:
     """Read one failsafe whose parameter is a choice.
 
@@ -185,10 +202,15 @@ def failsafe(
         about: what it guards against.
         effects: choice -> what happens then.
         off: choices that do nothing.
+        does: choice -> what the vehicle then does by itself.
+        exempt: modes in which it does something else.
+        settings: see `Failsafe`.
     """
     value = values.get(name)
     if value is None:
         return Failsafe(name, about, None, None, "the vehicle did not tell it")
     choice = round(value)
     effect = effects.get(choice, f"does something that this station does not know (value {choice})")
-    return Failsafe(name, about, value, choice not in off, effect)
+    action = (does or {}).get(choice)
+    actions = {} if action is None else dict.fromkeys(IN_FLIGHT, action) | dict(exempt or {})
+    return Failsafe(name, about, value, choice not in off, effect, actions, settings or {})

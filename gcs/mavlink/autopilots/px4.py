@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
+from dataclasses import replace
 
 from gcs.core.mission import Command
 from gcs.core.vehicle import Autopilot, Failsafe, FlightMode, MissionState, VehicleLimits
+from gcs.core.way_home import OwnAction, ReturnFlight
 from gcs.mavlink.autopilots.base import (
     NAN,
     CommandCall,
@@ -72,10 +75,15 @@ class Px4(FlightStack):
         "MPC_ACC_HOR",
         "COM_OF_LOSS_T",
         "RTL_RETURN_ALT",
+        "RTL_TYPE",
+        "RTL_CONE_ANG",
+        "RTL_MIN_DIST",
+        "NAV_ACC_RAD",
     )
     failsafe_parameters = (
         "NAV_DLL_ACT",
         "COM_DL_LOSS_T",
+        "COM_DLL_EXCEPT",
         "NAV_RCL_ACT",
         "COM_RCL_EXCEPT",
         "COM_RC_IN_MODE",
@@ -181,6 +189,7 @@ class Px4(FlightStack):
             max_acceleration_m_s2=positive(setting(values, "MPC_ACC_HOR")),
             offboard_timeout_s=setting(values, "COM_OF_LOSS_T"),
             return_altitude_m=setting(values, "RTL_RETURN_ALT"),
+            return_flight=_return_flight(values),
         )
 
     def failsafes(self, values: ParameterValues) -> tuple[Failsafe, ...]:
@@ -188,8 +197,9 @@ class Px4(FlightStack):
         station_s = _seconds(values, "COM_DL_LOSS_T")
         stream_s = _seconds(values, "COM_OF_LOSS_T")
         return (
-            failsafe(
+            _with_exceptions(
                 values,
+                "COM_DLL_EXCEPT",
                 "NAV_DLL_ACT",
                 "ground-station loss",
                 {
@@ -212,6 +222,8 @@ class Px4(FlightStack):
                     2: "lands when the battery is critical",
                     3: "returns when the battery is critical, lands when it is nearly empty",
                 },
+                does={0: OwnAction.NOTHING, 1: OwnAction.RETURN, 2: OwnAction.LAND, 3: OwnAction.RETURN},
+                settings={OwnAction.RETURN: "COM_LOW_BAT_ACT 3", OwnAction.LAND: "COM_LOW_BAT_ACT 2"},
             ),
             failsafe(
                 values,
@@ -227,10 +239,8 @@ class Px4(FlightStack):
                 },
                 off=frozenset({0, 1}),
             ),
-            failsafe(
+            _in_offboard_only(
                 values,
-                "COM_OBL_RC_ACT",
-                "offboard loss",
                 {
                     0: f"goes to position mode {stream_s} after the last setpoint (sticks, or the RC-loss action)",
                     1: f"goes to altitude mode {stream_s} after the last setpoint (drifts without a pilot)",
@@ -241,7 +251,6 @@ class Px4(FlightStack):
                     6: f"terminates the flight {stream_s} after the last setpoint",
                     7: f"disarms {stream_s} after the last setpoint",
                 },
-                off=frozenset(),
             ),
             _return(values),
         )
@@ -251,8 +260,9 @@ class Px4(FlightStack):
         name, about = "NAV_RCL_ACT", "RC loss"
         if values.get("COM_RC_IN_MODE") == 4:
             return Failsafe(name, about, values.get(name), False, "no transmitter is used at all (COM_RC_IN_MODE 4)")
-        read = failsafe(
+        return _with_exceptions(
             values,
+            "COM_RCL_EXCEPT",
             name,
             about,
             {
@@ -264,12 +274,81 @@ class Px4(FlightStack):
                 6: "disarms when the transmitter is lost",
             },
         )
-        exempt = round(values.get("COM_RCL_EXCEPT") or 0)
-        names = [word for bit, word in ((1, "missions"), (2, "hold"), (4, "offboard")) if exempt & bit]
-        if not read.active or not names:
-            return read
-        effect = f"{read.effect}, but not in {' and '.join(names)} (COM_RCL_EXCEPT {exempt})"
-        return Failsafe(name, about, read.value, read.active, effect)
+
+
+_LINK_LOSS = {
+    0: OwnAction.NOTHING,
+    1: OwnAction.HOLD,
+    2: OwnAction.RETURN,
+    3: OwnAction.LAND,
+    5: OwnAction.FALL,
+    6: OwnAction.FALL,
+}
+_EXCEPT_MISSION_AND_HOLD = 3
+
+
+def _with_exceptions(
+    values: ParameterValues, exceptions: str, name: str, about: str, effects: Mapping[int, str]
+) -> Failsafe:
+    """A failsafe of a lost link, which the bits of another parameter switch off in some modes."""
+    told = values.get(exceptions)
+    bits = round(told or 0)
+    exempt = {}
+    if bits & 1:
+        exempt[FlightMode.MISSION] = OwnAction.CONTINUE
+    if bits & 2:
+        exempt[FlightMode.HOLD] = OwnAction.HOLD
+    if bits & 4:  # what is left to do is that of a lost stream
+        exempt[FlightMode.OFFBOARD] = OwnAction.NOTHING
+    settings = {
+        OwnAction.RETURN: f"{name} 2",
+        OwnAction.LAND: f"{name} 3",
+        OwnAction.HOLD: f"{name} 1",
+    }
+    if told is not None:
+        settings[OwnAction.CONTINUE] = f"{exceptions} {bits | _EXCEPT_MISSION_AND_HOLD}"
+    read = failsafe(values, name, about, effects, does=_LINK_LOSS, exempt=exempt, settings=settings)
+    names = [word for bit, word in ((1, "missions"), (2, "hold"), (4, "offboard")) if bits & bit]
+    if not read.active or not names:
+        return read
+    return replace(read, effect=f"{read.effect}, but not in {' and '.join(names)} ({exceptions} {bits})")
+
+
+def _in_offboard_only(values: ParameterValues, effects: Mapping[int, str]) -> Failsafe:
+    """What is done without setpoints; the pilot's modes without a pilot sink to the ground (measured), or drift."""
+    name = "COM_OBL_RC_ACT"
+    settings = {OwnAction.RETURN: f"{name} 3", OwnAction.LAND: f"{name} 4", OwnAction.HOLD: f"{name} 5"}
+    does = {
+        0: OwnAction.LAND,
+        3: OwnAction.RETURN,
+        4: OwnAction.LAND,
+        5: OwnAction.HOLD,
+        6: OwnAction.FALL,
+        7: OwnAction.FALL,
+    }
+    read = failsafe(values, name, "offboard loss", effects, off=frozenset(), does=does, settings=settings)
+    return replace(read, actions={m: a for m, a in read.actions.items() if m is FlightMode.OFFBOARD})
+
+
+def _return_flight(values: ParameterValues) -> ReturnFlight | None:
+    """The straight return of RTL_TYPE 0; the others fly to rally points or along the mission.
+
+    Within RTL_MIN_DIST of home it climbs only as high as a cone of half angle RTL_CONE_ANG (90 degrees: it does not
+    climb), and at least two acceptance radii.
+    """
+    altitude, kind = values.get("RTL_RETURN_ALT"), values.get("RTL_TYPE")
+    if altitude is None or (kind is not None and round(kind) != 0):
+        return None
+    angle, reach = values.get("RTL_CONE_ANG"), values.get("RTL_MIN_DIST")
+    if not angle or angle < 0 or reach is None:
+        return ReturnFlight(altitude)
+    return ReturnFlight(
+        altitude,
+        cone_slope=0.0 if angle >= 90 else 1 / math.tan(math.radians(angle)),
+        cone_reach_m=reach,
+        cone_floor_m=2 * (values.get("NAV_ACC_RAD") or 0.0),
+        no_cone="RTL_CONE_ANG 0",
+    )
 
 
 def _seconds(values: ParameterValues, name: str) -> str:

@@ -17,11 +17,15 @@ if TYPE_CHECKING:
     from gcs.services.benchmarks.row import Row
 
 BENCHMARKS = {
+    "coverage": "viewpoints for a surface: coverage, views over their lower bound, seconds (--mesh FILE: of your own)",
     "paths": "grid search and string pulling: milliseconds, and length above a closed form",
     "tours": "tours and their proven lower bounds: cost, gap, seconds",
     "trajectories": "minimum snap in corridors: milliseconds, cost and violation of each solver",
 }
 """Name (also of the module beside this one that has `run(quick)`) and what it measures."""
+
+WITH_MESH = {"coverage"}
+"""Those whose `run(quick, mesh)` takes a mesh of the user's own."""
 
 
 def list_benchmarks() -> dict[str, str]:
@@ -46,11 +50,12 @@ def run_benchmark(name: str, quick: bool = False, mesh: Path | None = None) -> d
     """
     if name not in BENCHMARKS:
         raise NotFoundError(f"there is no benchmark {name!r}; there are {', '.join(BENCHMARKS)}", field="NAME")
-    if mesh is not None:
+    if mesh is not None and name not in WITH_MESH:
         raise InputError(f"the benchmark {name!r} takes no mesh: leave the option out", field="--mesh")
-    run: Callable[[bool], list[Row]] = import_module(f"gcs.services.benchmarks.{name}").run
+    run: Callable[..., list[Row]] = import_module(f"gcs.services.benchmarks.{name}").run
+    rows = run(quick) if mesh is None else run(quick, mesh)
     machine = {"cpu": _processor(), "cores": os.cpu_count(), "python": platform.python_version()}
-    return {"benchmark": name, "machine": machine, "rows": [asdict(row) for row in run(quick)]}
+    return {"benchmark": name, "machine": machine, "rows": [asdict(row) for row in rows]}
 
 
 def _processor() -> str:

@@ -1,7 +1,8 @@
-"""Benchmark `trajectories`: minimum-snap curves in a corridor, three axes, set-up included, solvers side by side.
+"""Benchmark `trajectories`: minimum-snap curves, three axes, set-up included.
 
-Milliseconds and the largest distance of a control point outside its box; `cost_error` is the integral of squared snap
-relative to the reference's. The reference column is Clarabel's on the same problem in the same run.
+Without a corridor: see `free_trajectories`. In a corridor, solvers side by side: milliseconds and the largest distance
+of a control point outside its box; `cost_error` is the integral of squared snap relative to the reference's. The
+reference column is then Clarabel's on the same problem in the same run.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ from gcs.core.errors import InfeasibleError
 from gcs.planning.minimum_snap import minimum_snap, snap_cost
 from gcs.planning.qp_solver import ClarabelSolver, OsqpSolver, PiqpSolver
 from gcs.planning.safe_corridor import LegCorridor
+from gcs.services.benchmarks.free_trajectories import free_rows
 from gcs.services.benchmarks.row import Row
 
 if TYPE_CHECKING:
@@ -38,9 +40,10 @@ def run(quick: bool) -> list[Row]:
     """Measure.
 
     Args:
-        quick: 50 segments only.
+        quick: few segments only.
     """
-    return [row for segments in ((50,) if quick else (50, 200, 700)) for row in _corridor(segments, quick)]
+    corridors = (50,) if quick else (50, 200, 700)
+    return free_rows(quick) + [row for segments in corridors for row in _corridor(segments, quick)]
 
 
 def random_corridor(segments: int, seed: int = 0) -> tuple[LegCorridor, NDArray[np.float64]]:

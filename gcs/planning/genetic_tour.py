@@ -1,0 +1,329 @@
+"""The tower paper's genetic algorithm for tours, with crossover and mutation rates that follow the population's entropy.
+
+A chromosome is an order of the nodes, its fitness 1 / W with W the cost of the tour. In every generation the population is
+dealt into groups at random. The best 30 % of each group survive; the others of the group are children of a survivor: at
+the crossover rate a segment of the next group's best is set into it, the other genes around it keep their order; at the
+mutation rate one of three mutations follows (the reversal of an interval, the swap of two genes, an interval shifted
+round by one). Where the population's entropy is below a threshold, the rates are raised.
+
+Source: W. Xu et al., "Obstacle avoidance path planning of a rotor UAV for the inspection of cable-stayed bridge towers",
+equations 2 to 9. The exponent of the threshold is taken per share of the run (the printed one lacks the division by the
+number of generations); the entropy that is compared is the mean over the genes.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from gcs.planning.compiled import compiled
+from gcs.planning.tour_costs import Floats, Ints, TourCosts, pair_cost
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from numpy.typing import NDArray
+
+SURVIVING_SHARE = 0.3
+ENTROPY_EVERY = 20
+GENERATIONS_AT_ONCE = 200
+EXACT_AGAIN = 1000
+"""Generations after which the costs, kept up to date by differences, are summed anew."""
+
+
+@dataclass(frozen=True)
+class GeneticOptions:
+    """Parameters of the algorithm, by the paper's symbols.
+
+    Attributes:
+        population: m, a multiple of the group.
+        group: g.
+        generations: L.
+        crossover_rate: p_fc, the rate where the population is diverse enough.
+        mutation_rate: p_fv.
+        threshold: R of `T(l) = R log2(m) exp(-G l / L)`.
+        decay: G.
+        measure: u: the rates grow by `max(0, T - H) / u` of themselves.
+    """
+
+    population: int = 60
+    group: int = 10
+    generations: int = 20_000
+    crossover_rate: float = 0.1
+    mutation_rate: float = 0.6
+    threshold: float = 0.6
+    decay: float = 3.0
+    measure: float = 2.0
+
+
+@dataclass(frozen=True, eq=False)
+class GeneticTour:
+    """What the algorithm found.
+
+    Attributes:
+        order: the nodes in visiting order, shape (n,).
+        cost: W.
+        costs: of the best after each generation, shape (L,).
+        entropy: H of each generation, mean over the genes (bit), shape (L,).
+    """
+
+    order: NDArray[np.int64]
+    cost: float
+    costs: NDArray[np.float64]
+    entropy: NDArray[np.float64]
+
+
+def genetic_tour(
+    costs: TourCosts,
+    *,
+    closed: bool,
+    options: GeneticOptions | None = None,
+    seed: int = 0,
+    start: NDArray[np.int64] | None = None,
+    poll: Callable[[float], None] | None = None,
+) -> GeneticTour:
+    """Breed a short tour.
+
+    Args:
+        costs: between n nodes.
+        closed: whether the way back counts.
+        options: parameters.
+        seed: of the random numbers.
+        start: an order that is in the first population, which is random otherwise.
+        poll: called now and then with the share that is done; may raise.
+
+    Returns:
+        The best tour of all generations.
+    """
+    options = options or GeneticOptions()
+    n, m = len(costs), options.population
+    rng = np.random.default_rng(seed)
+    people = np.array([rng.permutation(n) for _ in range(m)], dtype=np.int64)
+    if start is not None:
+        people[0] = start
+    fitness_costs = np.array([costs.of_tour(order, closed=closed) for order in people])
+    best, entropy = np.empty(options.generations), np.empty(options.generations)
+    if n < 4:
+        return _best_of_all(costs, closed)
+    rates = np.array(
+        [
+            options.crossover_rate,
+            options.mutation_rate,
+            options.threshold * math.log2(m),
+            options.decay,
+            options.measure,
+        ]
+    )
+    for begin in range(0, options.generations, GENERATIONS_AT_ONCE):
+        if poll:
+            poll(begin / options.generations)
+        end = min(begin + GENERATIONS_AT_ONCE, options.generations)
+        _breed(
+            costs.data, costs.from_points, closed, people, fitness_costs, options.group, rates, rng, begin, end,
+            options.generations, best, entropy,
+        )  # fmt: skip
+    order = people[int(fitness_costs.argmin())]
+    return GeneticTour(order, costs.of_tour(order, closed=closed), best, entropy)
+
+
+def _best_of_all(costs: TourCosts, closed: bool) -> GeneticTour:
+    """At most three nodes: all orders are tried."""
+    orders = [np.array(p, dtype=np.int64) for p in itertools.permutations(range(len(costs)))]
+    order = min(orders, key=lambda o: costs.of_tour(o, closed=closed))
+    return GeneticTour(order, costs.of_tour(order, closed=closed), np.empty(0), np.empty(0))
+
+
+@compiled
+def population_entropy(people: Ints) -> float:
+    """Entropy of the genes, `H_j = -sum p log2 p` over the nodes at place j, mean over the places (bit).
+
+    Args:
+        people: orders, shape (m, n).
+    """
+    m, n = people.shape
+    count = np.zeros(n, np.int64)
+    part = np.zeros(m + 1)
+    for c in range(1, m + 1):
+        part[c] = -c / m * math.log2(c / m)
+    total = 0.0
+    for j in range(n):
+        for i in range(m):
+            node = people[i, j]
+            total += part[count[node] + 1] - part[count[node]]
+            count[node] += 1
+        for i in range(m):
+            count[people[i, j]] = 0
+    return total / n
+
+
+@compiled
+def diversity_threshold(generation: int, generations: int, population: int, threshold: float, decay: float) -> float:
+    """`T(l) = R log2(m) exp(-G l / L)` (bit)."""
+    return threshold * math.log2(population) * math.exp(-decay * generation / generations)
+
+
+@compiled
+def set_in_segment(parent: Ints, donor: Ints, start: int, length: int, stamp: Ints, child: Ints) -> None:
+    """Crossover: the donor's genes of a segment at their places, the parent's others around it in the parent's order.
+
+    Args:
+        parent: an order, shape (n,).
+        donor: another.
+        start: first place of the segment.
+        length: genes in it.
+        stamp: scratch, ones, shape (n,).
+        child: takes the result.
+    """
+    n = len(parent)
+    for j in range(start, start + length):
+        stamp[donor[j]] = 0
+    place = 0
+    for j in range(n):
+        node = parent[j]
+        child[min(place, n - 1)] = node
+        place += stamp[node]
+    for j in range(n - length - 1, start - 1, -1):
+        child[j + length] = child[j]
+    for j in range(start, start + length):
+        child[j] = donor[j]
+        stamp[donor[j]] = 1
+
+
+@compiled
+def reverse_interval(order: Ints, first: int, last: int) -> None:
+    """Mutation: the genes from one place to another in reverse."""
+    while first < last:
+        order[first], order[last] = order[last], order[first]
+        first += 1
+        last -= 1
+
+
+@compiled
+def swap_genes(order: Ints, first: int, last: int) -> None:
+    """Mutation: the genes at two places change places."""
+    order[first], order[last] = order[last], order[first]
+
+
+@compiled
+def shift_interval(order: Ints, first: int, last: int) -> None:
+    """Mutation: the genes from one place to another move on by one, the last of them to the front."""
+    node = order[last]
+    for j in range(last, first, -1):
+        order[j] = order[j - 1]
+    order[first] = node
+
+
+@compiled
+def _link(data: Floats, from_points: bool, closed: bool, order: Ints, j: int) -> float:
+    """Cost from place j to the next; j may be the place before the first or the last."""
+    last = len(order) - 1
+    if j >= 0 and j < last:
+        return pair_cost(data, from_points, order[j], order[j + 1])
+    return pair_cost(data, from_points, order[last], order[0]) if closed else 0.0
+
+
+@compiled
+def _mutate(data: Floats, from_points: bool, closed: bool, order: Ints, kind: int, first: int, last: int) -> float:
+    """Mutate in one of the three ways and return what the tour costs more."""
+    before = _link(data, from_points, closed, order, first - 1) + _link(data, from_points, closed, order, last)
+    if kind == 0:
+        reverse_interval(order, first, last)
+        return (
+            _link(data, from_points, closed, order, first - 1) + _link(data, from_points, closed, order, last) - before
+        )
+    if kind == 1:
+        before += _link(data, from_points, closed, order, first)
+        if last > first + 1:
+            before += _link(data, from_points, closed, order, last - 1)
+        swap_genes(order, first, last)
+        after = _link(data, from_points, closed, order, first - 1) + _link(data, from_points, closed, order, last)
+        after += _link(data, from_points, closed, order, first)
+        if last > first + 1:
+            after += _link(data, from_points, closed, order, last - 1)
+        return after - before
+    before += _link(data, from_points, closed, order, last - 1)
+    shift_interval(order, first, last)
+    after = _link(data, from_points, closed, order, first - 1) + _link(data, from_points, closed, order, last)
+    return after + _link(data, from_points, closed, order, first) - before
+
+
+@compiled
+def _sum(data: Floats, from_points: bool, closed: bool, order: Ints) -> float:
+    total = _link(data, from_points, closed, order, len(order) - 1)
+    for j in range(1, len(order)):
+        total += pair_cost(data, from_points, order[j - 1], order[j])
+    return total
+
+
+@compiled
+def _breed(
+    data: Floats,
+    from_points: bool,
+    closed: bool,
+    people: Ints,
+    costs: Floats,
+    group: int,
+    rates: Floats,
+    rng: np.random.Generator,
+    begin: int,
+    end: int,
+    generations: int,
+    best: Floats,
+    entropy: Floats,
+) -> None:
+    """The generations from `begin` to `end`."""
+    m, n = people.shape
+    deal = np.arange(m)
+    stamp = np.ones(n, np.int64)
+    surviving = max(1, int(round(SURVIVING_SHARE * group)))
+    diversity = 0.0
+    for generation in range(begin, end):
+        if generation % ENTROPY_EVERY == 0:
+            diversity = population_entropy(people)
+        entropy[generation] = diversity
+        wanted = diversity_threshold(generation, generations, m, rates[2], rates[3])
+        more = 1.0 + max(0.0, wanted - entropy[generation]) / rates[4]
+        crossover_rate, mutation_rate = rates[0] * more, rates[1] * more
+        for i in range(m - 1, 0, -1):
+            j = int(rng.random() * (i + 1))
+            deal[i], deal[j] = deal[j], deal[i]
+        for start in range(0, m, group):
+            for i in range(start + 1, start + group):
+                member, hole = deal[i], i
+                while hole > start and costs[deal[hole - 1]] > costs[member]:
+                    deal[hole] = deal[hole - 1]
+                    hole -= 1
+                deal[hole] = member
+        for start in range(0, m, group):
+            donor = people[deal[(start + group) % m]]
+            for k in range(start + surviving, min(start + group, m)):
+                child = deal[k]
+                parent = deal[start + int(rng.random() * surviving)]
+                if rng.random() < crossover_rate:
+                    length = 1 + int(rng.random() * (n - 1))
+                    set_in_segment(
+                        people[parent], donor, int(rng.random() * (n - length + 1)), length, stamp, people[child]
+                    )
+                    costs[child] = _sum(data, from_points, closed, people[child])
+                else:
+                    for j in range(n):
+                        people[child, j] = people[parent, j]
+                    costs[child] = costs[parent]
+                if rng.random() < mutation_rate:
+                    first = int(rng.random() * n)
+                    last = int(rng.random() * (n - 1))
+                    if last >= first:
+                        last += 1
+                    if last < first:
+                        first, last = last, first
+                    costs[child] += _mutate(
+                        data, from_points, closed, people[child], int(rng.random() * 3), first, last
+                    )
+        if generation % EXACT_AGAIN == 0:
+            for i in range(m):
+                costs[i] = _sum(data, from_points, closed, people[i])
+        best[generation] = costs.min()
