@@ -71,7 +71,8 @@ def plan(scenario: Path, out: Path) -> None:
         click.echo(f"note: {note}")
     c = result.plan.certificates
     seen = "" if c.coverage is None else f", {c.coverage:.1%} of the coverable surface"
-    click.echo(f"{c.viewpoints} viewpoints{seen}")
+    least = f" (no choice has fewer than {c.viewpoints_lower_bound:.1f})" if c.viewpoints_lower_bound else ""
+    click.echo(f"{c.viewpoints} viewpoints{least}{seen}")
     for face in result.plan.faces:
         click.echo(f"face {face.name}: {face.covered} of {face.cells} cells, {len(face.moved)} of them from aside")
     click.echo(
@@ -85,13 +86,23 @@ def plan(scenario: Path, out: Path) -> None:
 
 @cli.command()
 @click.argument("out", type=click.Path(path_type=Path))
-def verify(out: Path) -> None:
+@click.option(
+    "--points",
+    type=click.Path(path_type=Path),
+    help="Also say which points of this CSV (x_m,y_m,z_m,normal_x,normal_y,normal_z) are seen, and why not the others.",
+)
+def verify(out: Path, points: Path | None) -> None:
     """Check the written plan in OUT again, from its files and meshes alone."""
     from gcs.services.plan_verification import verify_plan
 
     checks = verify_plan(out)
     for check in checks:
         click.echo(f"{'ok  ' if check.ok else 'FAIL'}  {check.name}: {check.message}")
+    if points is not None:
+        from gcs.services.point_verdicts import judge_points
+
+        for point in judge_points(out, points):
+            click.echo(f"{point.name}: {point.verdict.words}")
     if not all(check.ok for check in checks):
         sys.exit(1)
 

@@ -256,7 +256,7 @@ def closed_in(scenario):
             at("fence", {"include": [[[-20, -20], [-8, -20], [-8, 20], [-20, 20]]]}),
             ("inspection", "fence"),
         ),
-        (at("vehicle.battery.capacity_wh", 1.0), ("vehicle.battery", "1 Wh", "larger battery")),
+        (at("vehicle.battery.capacity_wh", 1.0), ("viewpoint ", "0.8 Wh may be taken", "larger battery")),
     ],
 )
 def test_no_feasible_plan_says_why(plan_of, tmp_path, change, words):
@@ -400,7 +400,7 @@ def outcome(**changed):
     ],
 )
 def test_a_flights_summary_is_the_last_line_whatever_came_of_it(gcs, monkeypatch, flown, status):
-    async def fly(out, url, *, mode, confirm, accept, data_dir, say):
+    async def fly(out, url, *, mode, confirm, accept, data_dir, say, sortie, rest):
         assert (mode, accept, await confirm("px4-1")) == ("offboard", ("NAV_DLL_ACT",), "px4-1")
         say("flying")
         return flown

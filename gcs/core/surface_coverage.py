@@ -46,7 +46,7 @@ class Verdict(IntEnum):
 WORDS: dict[Verdict, str] = {
     Verdict.SEEN: "seen as asked",
     Verdict.LEFT_OUT: "could be seen, but is left out: it would take more viewpoints",
-    Verdict.GIMBAL: "outside the camera's pitch range",
+    Verdict.GIMBAL: "the camera cannot be pointed at it within its pitch range",
     Verdict.INCIDENCE: "seen only at more than the largest incidence",
     Verdict.TOO_FAR: "seen only from further away than the GSD allows",
     Verdict.NOT_SHARP: "seen only from nearer than the camera is sharp",

@@ -164,13 +164,17 @@ class VehicleLimits:
     retrace: RetraceMemory | None = None
 
 
+LAST_BATTERY = "nearly empty battery"
+"""What the failsafe is about that comes after the one about the battery: a last resort."""
+
+
 @dataclass(frozen=True)
 class Failsafe:
     """One failsafe as the vehicle is set up.
 
     Attributes:
         name: parameter name, by which an operator accepts it when it is off.
-        about: ground-station loss, RC loss, battery, fence, offboard loss or return.
+        about: ground-station loss, RC loss, battery, nearly empty battery, fence, offboard loss or return.
         value: the parameter's value; None when the vehicle did not tell.
         active: whether it will do something; None when unknown.
         effect: what it does, in plain words.

@@ -44,6 +44,7 @@ FIRST_COLUMNS, KEPT_COLUMNS = 0.98, 0.8
 LEAST_PART = 1e-4
 ADDED_COLUMNS = 500
 HELPFUL = 1e-7
+WORTH_MERGING = 0.9
 
 
 @dataclass(frozen=True)
@@ -115,7 +116,7 @@ def _promising(sets: Incidence, found: PricedCover) -> NDArray[np.int64]:
 def _reduced(problem: CoverProblem) -> tuple[float, Incidence]:
     """What is left to be covered when `covered` is taken away: what weight, and by which sets.
 
-    Targets that the same sets hold are merged to one of their weight.
+    Targets that the same sets hold are merged to one of their weight, if that makes it much smaller.
     """
     possible = np.zeros(problem.targets, dtype=np.bool_)
     possible[problem.members] = True
@@ -124,8 +125,10 @@ def _reduced(problem: CoverProblem) -> tuple[float, Incidence]:
     group = _same_rows(sets.set_starts, sets.sets, sets.set_count)
     first = np.zeros(sets.targets, dtype=np.bool_)
     first[np.unique(group, return_index=True)[1]] = True
-    merged = _among(sets.starts, sets.members, group, first, np.bincount(group).astype(np.float64))
-    return min(float(problem.wanted - problem.covered.sum()), float(possible.sum())), merged
+    wanted = min(float(problem.wanted - problem.covered.sum()), float(possible.sum()))
+    if first.sum() > WORTH_MERGING * len(first):
+        return wanted, sets
+    return wanted, _among(sets.starts, sets.members, group, first, np.bincount(group).astype(np.float64))
 
 
 def _among(
@@ -156,7 +159,7 @@ def _solve(sets: Incidence, columns: NDArray[np.int64], wanted: float, time_limi
         return None
     starts, members = sets.only(columns)
     matrix = sparse.csr_array((np.ones(len(members)), members, starts), shape=(len(columns), sets.targets)).T.tocsr()
-    group = _same_rows(matrix.indptr, matrix.indices, len(columns))
+    group = _same_rows(matrix.indptr.astype(np.int64), matrix.indices, len(columns))
     first = np.unique(group, return_index=True)[1]
     weight = np.bincount(group, weights=sets.weights)
     merged = matrix[first]

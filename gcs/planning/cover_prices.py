@@ -104,7 +104,7 @@ def incidence(starts: NDArray[np.int64], members: NDArray[np.int32], weights: ND
 
 
 def proven_bound(problem: Incidence, prices: NDArray[np.float64], wanted: float) -> float:
-    """What feasible prices prove: that of the cheapest targets of weight `wanted`, less what rounding may have added."""
+    """What feasible prices prove: the cost of the cheapest weight that is wanted, less what rounding may have added."""
     if wanted <= 0:
         return 0.0
     order, last = _cheapest(problem, prices, wanted)
@@ -151,20 +151,7 @@ def relaxed_views(problem: Incidence, x: NDArray[np.float64], wanted: float) -> 
     """
     covered = np.zeros(problem.targets)
     _cover(problem.starts, problem.members, x, covered)
-    if problem.weights[covered > 0].sum() < wanted - HAIR:
-        return math.inf
-    low, high = 0.0, 1.0
-    while problem.weights @ np.minimum(high * covered, 1.0) < wanted - HAIR:
-        low, high = high, 2 * high
-        if high > MOST_SCALE:
-            return math.inf
-    for _ in range(BISECTIONS):
-        middle = (low + high) / 2
-        if problem.weights @ np.minimum(middle * covered, 1.0) < wanted - HAIR:
-            low = middle
-        else:
-            high = middle
-    return high * float(x.sum())
+    return _scale(covered, problem.weights, wanted - HAIR) * float(x.sum())
 
 
 @dataclass(frozen=True, eq=False)
@@ -292,6 +279,31 @@ def _cover(starts: Longs, members: Ints, x: Floats, covered: Floats) -> None:
         if x[c] > 0.0:
             for k in range(starts[c], starts[c + 1]):
                 covered[members[k]] += x[c]
+
+
+@compiled
+def _scale(covered: Floats, weights: Floats, wanted: float) -> float:
+    """The least factor on how much is covered, none counted over 1, that covers the weight; infinite without one."""
+    low, high = 0.0, 1.0
+    while _weight(covered, weights, high) < wanted:
+        low, high = high, 2.0 * high
+        if high > MOST_SCALE:
+            return math.inf
+    for _ in range(BISECTIONS):
+        middle = (low + high) / 2
+        if _weight(covered, weights, middle) < wanted:
+            low = middle
+        else:
+            high = middle
+    return high
+
+
+@compiled
+def _weight(covered: Floats, weights: Floats, factor: float) -> float:
+    total = 0.0
+    for t in range(len(covered)):
+        total += weights[t] * min(factor * covered[t], 1.0)
+    return total
 
 
 @compiled

@@ -1,9 +1,10 @@
-"""Tabu search for smaller covers: with one set fewer, swap sets until as much is covered again.
+"""Large neighbourhood search for smaller covers: take out a few sets that overlap, put in others, keep what is as good.
 
-With the number of sets fixed this is the problem of maximum coverage. Each step puts in the set that adds most and
-takes out the one that is missed least; what was moved stays where it is for a while, so that the search leaves the
-hollows that greedy choice and plain exchange end in. Gains and losses of all sets are kept up to date element by
-element.
+With one set fewer than the best cover so far, the search looks for sets that cover as much as is wanted all the same.
+In each step up to four sets are taken out, a random one and such as share elements with it, and as many put in
+greedily; sets that have just been taken out stay out for a few steps. A step that leaves more uncovered is undone. When
+enough is covered there is a new best cover, and one set is dropped. Gains of all sets are kept up to date element by
+element. (Ruin and recreate: Schrimpf et al. 2000.)
 """
 
 from __future__ import annotations
@@ -25,15 +26,66 @@ if TYPE_CHECKING:
 SEARCHES = 2
 """Searches with different random numbers; the smallest cover counts."""
 
-SHORTEST_STAY, LONGEST_STAY = 20, 60
-"""For how many steps a set that was moved stays where it is: at random between these."""
+MOST_OUT = 4
+"""Sets that are taken out in a step, at most."""
+
+PROBES = 4
+"""Random elements that are looked at, for each of them, to find overlapping sets."""
+
+LONGEST_STAY = 10
+"""For how many steps, at most, a set that was taken out stays out."""
 
 WORK_BETWEEN_POLLS = 20_000_000
 
 Ints = np.ndarray[tuple[int, ...], np.dtype[np.int64]]
 ShortInts = np.ndarray[tuple[int, ...], np.dtype[np.int32]]
-SingleFloats = np.ndarray[tuple[int, ...], np.dtype[np.float32]]
-Marks = np.ndarray[tuple[int, ...], np.dtype[np.bool_]]
+
+
+class _Problem(NamedTuple):
+    """Sets and elements, both ways round.
+
+    Attributes:
+        starts: where each set's elements begin in `members`, shape (S + 1,).
+        members: element numbers, set after set.
+        weights: how much each element counts, shape (E,).
+        by_element: where each element's sets begin in `sets`, shape (E + 1,).
+        sets: set numbers, element after element.
+        preference: decides between sets of equal gain, shape (S,).
+        spare: weight that may stay uncovered.
+    """
+
+    starts: NDArray[np.int64]
+    members: NDArray[np.int32]
+    weights: NDArray[np.int64]
+    by_element: NDArray[np.int64]
+    sets: NDArray[np.int32]
+    preference: NDArray[np.float64]
+    spare: int
+
+
+class _State(NamedTuple):
+    """Where a search is.
+
+    Attributes:
+        times: how many of the sets that are in hold each element, shape (E,).
+        gain: what each set that is out would add, and what each that is in covers alone, shape (S,).
+        place: where in `current` each set is, -1 for those that are out, shape (S,).
+        until: the step until which each set stays out, shape (S,).
+        current: the sets that are in, shape (S,).
+        best: those of the smallest cover, shape (S,).
+        numbers: how many sets are in; how many the best cover has; uncovered weight; steps; random numbers' state.
+    """
+
+    times: NDArray[np.int32]
+    gain: NDArray[np.int64]
+    place: NDArray[np.int64]
+    until: NDArray[np.int64]
+    current: NDArray[np.int64]
+    best: NDArray[np.int64]
+    numbers: NDArray[np.int64]
+
+
+INSIDE, BEST, UNCOVERED, STEPS, RANDOM = range(5)
 
 
 def refine_cover(
@@ -58,89 +110,47 @@ def refine_cover(
         wanted: the weight that has to stay covered.
         work: how long each search goes on, in updates of a gain (some hundred million a second).
         rng: the source of randomness.
-        preference: factor on what each set adds, at most 1, shape (S,); 1 when left out.
+        preference: decides between sets that add the same, shape (S,).
         poll: called now and then; may raise to stop the search.
 
     Returns:
         Sets that cover at least `wanted`, at most as many as were given.
     """
     by_element, sets = _transposed(starts, members, len(weights))
-    factor = np.ones(len(starts) - 1) if preference is None else preference
-    spare = int(weights.sum()) - wanted
-    problem = _Problem(starts, members, weights, by_element, sets, factor.astype(np.float32), spare)
-    searches = [_Search(problem, chosen, int(seed)) for seed in rng.integers(1, 2**62, SEARCHES)]
+    preferred = np.ones(len(starts) - 1) if preference is None else preference
+    problem = _Problem(starts, members, weights, by_element, sets, preferred, int(weights.sum()) - wanted)
+    searches = [_begun(problem, chosen, int(seed)) for seed in rng.integers(1, 2**62, SEARCHES)]
+
+    def go_on(state: _State) -> None:
+        _search(problem, state, WORK_BETWEEN_POLLS)
+
     for _ in range(math.ceil(work / WORK_BETWEEN_POLLS)):
-        in_threads(_Search.go_on, searches)
+        in_threads(go_on, searches)
         if poll is not None:
             poll()
-    return min((s.best for s in searches), key=len)
+    best = min(searches, key=lambda state: int(state.numbers[BEST]))
+    return best.best[: best.numbers[BEST]].copy()
 
 
-class _Problem(NamedTuple):
-    """Sets and elements, both ways round, the elements' weights, a factor on each set's gain, and the weight that may
-    stay uncovered.
-    """
-
-    starts: NDArray[np.int64]
-    members: NDArray[np.int32]
-    weights: NDArray[np.int64]
-    by_element: NDArray[np.int64]
-    sets: NDArray[np.int32]
-    factor: NDArray[np.float32]
-    spare: int
-
-
-class _State(NamedTuple):
-    """Where a search is.
-
-    Attributes:
-        times: how many of the sets that are in hold each element, shape (E,).
-        gain: what each set that is out would add, and what each that is in covers alone, shape (S,).
-        inside: whether each set is in, shape (S,).
-        until: the step until which each set stays where it is, shape (S,).
-        current: the sets that are in, the first `numbers[0]` of them, shape (S,).
-        best: those of the smallest cover, the first `numbers[1]` of them, shape (S,).
-        numbers: how many sets are in; how many the best cover has; uncovered weight; the least of it with this many
-            sets; steps; state of the random numbers.
-    """
-
-    times: NDArray[np.int32]
-    gain: NDArray[np.int64]
-    inside: NDArray[np.bool_]
-    until: NDArray[np.int64]
-    current: NDArray[np.int64]
-    best: NDArray[np.int64]
-    numbers: NDArray[np.int64]
-
-
-class _Search:
-    """One search, some way at a time."""
-
-    def __init__(self, problem: _Problem, chosen: NDArray[np.int64], seed: int) -> None:
-        sets, elements, total = len(problem.starts) - 1, len(problem.weights), int(problem.weights.sum())
-        self._problem = problem
-        self._state = _State(
-            np.zeros(elements, np.int32),
-            set_weights(problem.starts, problem.members, problem.weights),
-            np.zeros(sets, np.bool_),
-            np.zeros(sets, np.int64),
-            np.zeros(sets, np.int64),
-            np.zeros(sets, np.int64),
-            np.array([0, len(chosen), total, total, 0, seed], dtype=np.int64),
-        )
-        self._state.best[: len(chosen)] = chosen
-        _begin(problem, self._state, chosen)
-
-    def go_on(self) -> None:
-        _swap(self._problem, self._state, WORK_BETWEEN_POLLS)
-
-    @property
-    def best(self) -> NDArray[np.int64]:
-        return self._state.best[: self._state.numbers[1]].copy()
+def _begun(problem: _Problem, chosen: NDArray[np.int64], seed: int) -> _State:
+    sets, elements = len(problem.starts) - 1, len(problem.weights)
+    state = _State(
+        times=np.zeros(elements, np.int32),
+        gain=set_weights(problem.starts, problem.members, problem.weights),
+        place=np.full(sets, -1, np.int64),
+        until=np.zeros(sets, np.int64),
+        current=np.zeros(sets, np.int64),
+        best=np.zeros(sets, np.int64),
+        numbers=np.array([0, len(chosen), problem.weights.sum(), 0, seed], dtype=np.int64),
+    )
+    state.best[: len(chosen)] = chosen
+    _put_all_in(problem, state, chosen)
+    return state
 
 
 @compiled
 def _transposed(starts: Ints, members: ShortInts, elements: int) -> tuple[Ints, ShortInts]:
+    """For every element the sets that hold it: where they begin, shape (elements + 1,), and their numbers."""
     begin = np.zeros(elements + 1, np.int64)
     for e in members:
         begin[e + 1] += 1
@@ -161,9 +171,9 @@ def _put_in(problem: _Problem, state: _State, s: int) -> int:
     """Put a set in; how many gains were updated."""
     alone = 0
     work = 0
-    state.inside[s] = True
-    state.current[state.numbers[0]] = s
-    state.numbers[0] += 1
+    state.place[s] = state.numbers[INSIDE]
+    state.current[state.numbers[INSIDE]] = s
+    state.numbers[INSIDE] += 1
     for m in range(problem.starts[s], problem.starts[s + 1]):
         e = problem.members[m]
         state.times[e] += 1
@@ -176,22 +186,23 @@ def _put_in(problem: _Problem, state: _State, s: int) -> int:
         elif state.times[e] == 2:
             for k in range(begin, end):
                 other = problem.sets[k]
-                if state.inside[other] and other != s:
+                if state.place[other] >= 0 and other != s:
                     state.gain[other] -= weight
                     break
             work += (end - begin) // 2
     state.gain[s] = alone
-    state.numbers[2] -= alone
+    state.numbers[UNCOVERED] -= alone
     return work
 
 
 @compiled
-def _take_out(problem: _Problem, state: _State, place: int) -> int:
-    """Take out the set at a place of `current`; how many gains were updated."""
-    s = state.current[place]
-    state.numbers[0] -= 1
-    state.current[place] = state.current[state.numbers[0]]
-    state.inside[s] = False
+def _take_out(problem: _Problem, state: _State, s: int) -> int:
+    """Take out a set; how many gains were updated."""
+    state.numbers[INSIDE] -= 1
+    last = state.current[state.numbers[INSIDE]]
+    state.current[state.place[s]] = last
+    state.place[last] = state.place[s]
+    state.place[s] = -1
     lost = 0
     work = 0
     for m in range(problem.starts[s], problem.starts[s + 1]):
@@ -206,61 +217,45 @@ def _take_out(problem: _Problem, state: _State, place: int) -> int:
         elif state.times[e] == 1:
             for k in range(begin, end):
                 other = problem.sets[k]
-                if state.inside[other]:
+                if state.place[other] >= 0:
                     state.gain[other] += weight
                     break
             work += (end - begin) // 2
     state.gain[s] = lost
-    state.numbers[2] += lost
+    state.numbers[UNCOVERED] += lost
     return work
+
+
+@compiled
+def _put_all_in(problem: _Problem, state: _State, chosen: Ints) -> None:
+    for s in chosen:
+        _put_in(problem, state, s)
 
 
 @compiled
 def _random_below(state: _State, limit: int) -> int:
     """A random number from 0 to limit - 1 (xorshift)."""
-    x = state.numbers[5]
+    x = state.numbers[RANDOM]
     x ^= x << 13
     x ^= (x >> 7) & 0x1FFFFFFFFFFFFFF
     x ^= x << 17
-    state.numbers[5] = x
+    state.numbers[RANDOM] = x
     return int((x >> 11) & 0xFFFFFFFF) % limit
 
 
 @compiled
-def _least_missed(problem: _Problem, state: _State, step: int, last: int) -> int:
-    """Place in `current`, before `last`, of the set that may be moved and is missed least; -1 when there is none."""
-    place = -1
-    least = np.float32(np.inf)
-    ties = 1
-    for n in range(last):
-        s = state.current[n]
-        if state.until[s] > step:
-            continue
-        loss = state.gain[s] * problem.factor[s]
-        if loss < least:
-            place, least, ties = n, loss, 1
-        elif loss == least:
-            ties += 1
-            if _random_below(state, ties) == 0:
-                place = n
-    return place
-
-
-@compiled
-def _most_added(problem: _Problem, state: _State, step: int) -> int:
-    """The set that adds most: one that may be moved, or one that leaves less uncovered than ever; -1 when none adds."""
+def _most_added(problem: _Problem, state: _State) -> int:
+    """The set that adds most of those that may be put in; -1 when none adds anything."""
     chosen = -1
-    most = np.float32(0.0)
+    most = 0
     ties = 1
-    for s in range(problem.factor.shape[0]):
-        added = state.gain[s] * problem.factor[s]
-        if added < most or added == 0 or state.inside[s]:
+    for s in range(problem.preference.shape[0]):
+        gain = state.gain[s]
+        if gain < most or gain == 0 or state.place[s] >= 0 or state.until[s] > state.numbers[STEPS]:
             continue
-        if state.until[s] > step and state.numbers[2] - state.gain[s] >= state.numbers[3]:
-            continue
-        if added > most:
-            chosen, most, ties = s, added, 1
-        else:
+        if gain > most or problem.preference[s] > problem.preference[chosen]:
+            chosen, most, ties = s, gain, 1
+        elif problem.preference[s] == problem.preference[chosen]:
             ties += 1
             if _random_below(state, ties) == 0:
                 chosen = s
@@ -268,38 +263,72 @@ def _most_added(problem: _Problem, state: _State, step: int) -> int:
 
 
 @compiled
-def _begin(problem: _Problem, state: _State, chosen: Ints) -> None:
-    for s in chosen:
-        _put_in(problem, state, s)
+def _least_missed(state: _State) -> int:
+    """The set that covers least alone."""
+    chosen = state.current[0]
+    for n in range(state.numbers[INSIDE]):
+        if state.gain[state.current[n]] < state.gain[chosen]:
+            chosen = state.current[n]
+    return int(chosen)
 
 
 @compiled
-def _swap(problem: _Problem, state: _State, most: int) -> None:
+def _ruin(problem: _Problem, state: _State, out: Ints) -> tuple[int, int]:
+    """Take out a random set and some that overlap with it; how many, and how many gains were updated."""
+    wanted = 1 + _random_below(state, min(MOST_OUT, state.numbers[INSIDE]))
+    first = state.current[_random_below(state, state.numbers[INSIDE])]
+    out[0] = first
+    count = 1
+    work = _take_out(problem, state, first)
+    size = problem.starts[first + 1] - problem.starts[first]
+    for _ in range(PROBES * wanted):
+        if count == wanted or size == 0:
+            break
+        e = problem.members[problem.starts[first] + _random_below(state, size)]
+        begin, sets = problem.by_element[e], problem.by_element[e + 1] - problem.by_element[e]
+        shift = _random_below(state, sets)
+        for k in range(sets):
+            s = problem.sets[begin + (k + shift) % sets]
+            if state.place[s] >= 0:
+                out[count] = s
+                count += 1
+                work += _take_out(problem, state, s)
+                break
+    for k in range(count):
+        state.until[out[k]] = state.numbers[STEPS] + 1 + _random_below(state, LONGEST_STAY)
+    return count, work
+
+
+@compiled
+def _search(problem: _Problem, state: _State, most: int) -> None:
     """Go on for `most` updates of a gain."""
+    out = np.empty(MOST_OUT, np.int64)
+    put = np.empty(MOST_OUT, np.int64)
     work = 0
     while work < most:
-        step = state.numbers[4]
-        state.numbers[4] += 1
-        while state.numbers[2] <= problem.spare and state.numbers[0] > 0:
-            count = state.numbers[0]
-            if count <= state.numbers[1]:
+        while state.numbers[UNCOVERED] <= problem.spare and state.numbers[INSIDE] > 0:
+            count = state.numbers[INSIDE]
+            if count <= state.numbers[BEST]:
                 state.best[:count] = state.current[:count]
-                state.numbers[1] = count
-            work += _take_out(problem, state, max(_least_missed(problem, state, step + 2 * LONGEST_STAY, count), 0))
-            state.numbers[3] = np.iinfo(np.int64).max
-        if state.numbers[0] == 0:
+                state.numbers[BEST] = count
+            work += _take_out(problem, state, _least_missed(state))
+        if state.numbers[INSIDE] == 0:
             break
-        added = _most_added(problem, state, step)
-        if added >= 0:
-            work += _put_in(problem, state, added)
-            state.until[added] = step + SHORTEST_STAY + _random_below(state, LONGEST_STAY - SHORTEST_STAY)
-            last = state.numbers[0] - 1
-        else:
-            last = state.numbers[0]
-        out = _least_missed(problem, state, step, last)
-        if out < 0:
-            out = _random_below(state, last) if last > 0 else 0
-        moved = state.current[out]
-        work += _take_out(problem, state, out) + problem.factor.shape[0]
-        state.until[moved] = step + SHORTEST_STAY + _random_below(state, LONGEST_STAY - SHORTEST_STAY)
-        state.numbers[3] = min(state.numbers[3], state.numbers[2])
+        uncovered = state.numbers[UNCOVERED]
+        taken, updates = _ruin(problem, state, out)
+        work += updates
+        added = 0
+        while added < taken:
+            s = _most_added(problem, state)
+            work += problem.preference.shape[0]
+            if s < 0:
+                break
+            put[added] = s
+            added += 1
+            work += _put_in(problem, state, s)
+        if state.numbers[UNCOVERED] > uncovered or added < taken:
+            for k in range(added):
+                work += _take_out(problem, state, put[k])
+            for k in range(taken):
+                work += _put_in(problem, state, out[k])
+        state.numbers[STEPS] += 1

@@ -27,15 +27,12 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from gcs.core.camera import Camera
-    from gcs.core.inspection import SurfaceTask
     from gcs.core.progress import Progress
     from gcs.core.scenario import Scenario
     from gcs.core.structure import Structure
     from gcs.planning.fence import FenceVolume
     from gcs.planning.pictured_sides import View
     from gcs.planning.point_distance import SceneDistance
-    from gcs.planning.surface_samples import SurfaceSamples
 
 STAGE = "coverage"
 SAMPLES = 100_000
@@ -156,58 +153,3 @@ def judge_targets(
     )
     progress.report(STAGE, 1.0)
     return verdicts
-
-
-def seen_targets(
-    camera: Camera,
-    task: SurfaceTask,
-    viewpoints: Sequence[View],
-    targets: SurfaceSamples,
-    sight: SightLines,
-    progress: Progress,
-    *,
-    stage: str = STAGE,
-) -> NDArray[np.bool_]:
-    """Which targets at least one picture shows as asked, shape (N,)."""
-    shown = Shown(camera, camera.distance_for_gsd(task.gsd_mm / 1000), math.radians(task.max_incidence_deg), 0.0)
-    return pictured_sides(
-        targets.points_m, targets.normals, targets.lifted_m, viewpoints, shown, sight, progress, stage
-    )
-
-
-def random_places(
-    targets: SurfaceSamples,
-    task: SurfaceTask,
-    nearest_m: float,
-    furthest_m: float,
-    rng: np.random.Generator,
-    *,
-    spread: float = 1.0,
-    near: bool = False,
-) -> NDArray[np.float64]:
-    """A random place in front of every target, within the incidence limit and between two distances.
-
-    Args:
-        targets: N sides of the surface.
-        task: gives the incidence limit.
-        nearest_m: smallest distance.
-        furthest_m: largest distance.
-        rng: the source of randomness.
-        spread: share of the incidence limit that is used; 0 means straight along the normals.
-        near: favour the small distances.
-
-    Returns:
-        Shape (N, 3).
-    """
-    n = len(targets)
-    tilt = spread * 0.97 * math.radians(task.max_incidence_deg) * np.sqrt(rng.random(n))
-    azimuth = 2 * np.pi * rng.random(n)
-    normal = targets.normals
-    reference = np.where(np.abs(normal[:, 2:]) < 0.9, [[0.0, 0.0, 1.0]], [[1.0, 0.0, 0.0]])
-    side = np.cross(normal, reference)
-    side /= np.linalg.norm(side, axis=1)[:, None]
-    across = np.cos(azimuth)[:, None] * side + np.sin(azimuth)[:, None] * np.cross(normal, side)
-    direction = np.cos(tilt)[:, None] * normal + np.sin(tilt)[:, None] * across
-    share = rng.random(n) ** (2.0 if near else 0.5)
-    length = 1.01 * nearest_m + (0.99 * furthest_m - 1.01 * nearest_m) * share
-    return np.asarray(targets.points_m + np.clip(length, None, furthest_m)[:, None] * direction)

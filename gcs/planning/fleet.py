@@ -2,7 +2,8 @@
 
 One tour through all viewpoints is cut into as many runs as there are vehicles (`order_split`), stops are handed from
 the longest run to others (`run_exchange`), and each run is put into a better order of its own. The flights are then
-scheduled so that vehicles stay apart (`fleet_schedule`), which is proved over all time (`separation`).
+scheduled so that vehicles stay apart (`fleet_schedule`), which is proved over all time (`separation`). The proof is
+about vehicles that keep to the common clock; one that falls behind has to be held, or the others have to wait for it.
 """
 
 from __future__ import annotations

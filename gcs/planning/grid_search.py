@@ -31,8 +31,12 @@ CELLS_BETWEEN_POLLS = 200_000
 
 _ANY_GOAL = np.empty((0, 0, 0), dtype=np.bool_)
 
-ROOT_2 = math.sqrt(2.0)
-ROOT_3 = math.sqrt(3.0)
+QUANTUM = 2.0**-24
+ROOT_2 = round(math.sqrt(2.0) / QUANTUM) * QUANTUM
+ROOT_3 = round(math.sqrt(3.0) / QUANTUM) * QUANTUM
+
+NO_MOVE = 13
+EVERY_CELL = 2**27 - 1
 
 Ints = np.ndarray[tuple[int, ...], np.dtype[np.int64]]
 Marks = np.ndarray[tuple[int, ...], np.dtype[np.bool_]]
@@ -40,6 +44,32 @@ Floats = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 SingleFloats = np.ndarray[tuple[int, ...], np.dtype[np.float32]]
 Stamps = np.ndarray[tuple[int, ...], np.dtype[np.int32]]
 Moves = np.ndarray[tuple[int, ...], np.dtype[np.int8]]
+
+
+def _steps() -> NDArray[np.int64]:
+    """The 27 moves, shape (27, 3), in the order of their numbers; the one in the middle stays."""
+    return np.stack(np.meshgrid(*[np.arange(-1, 2)] * 3, indexing="ij"), axis=-1).reshape(27, 3)
+
+
+def _natural_moves() -> NDArray[np.int64]:
+    """Moves after a move, shape (27, 27), ended by -1: those that go no other way along any axis."""
+    natural = np.full((27, 27), -1, dtype=np.int64)
+    for move, step in enumerate(_steps()):
+        ways = ((_steps() == step) | (_steps() == 0)).all(axis=1) if move != NO_MOVE else np.ones(27, dtype=np.bool_)
+        ways[NO_MOVE] = False
+        natural[move, : ways.sum()] = np.flatnonzero(ways)
+    return natural
+
+
+def _crossed_cells() -> NDArray[np.int64]:
+    """Cells of the cube that each move crosses, as bits of the 27 cells about its start, shape (27,)."""
+    inside = ((_steps()[None] == _steps()[:, None]) | (_steps()[None] == 0)).all(axis=-1)
+    return np.asarray((inside << np.arange(27)).sum(axis=1), dtype=np.int64)
+
+
+NATURAL = _natural_moves()
+CROSSED = _crossed_cells()
+LENGTHS = np.array([0.0, 1.0, ROOT_2, ROOT_3])[np.abs(_steps()).sum(axis=1)]
 
 
 class GridSearch:
@@ -134,6 +164,7 @@ class GridSearch:
         source = int(first @ self._strides)
         self._cost[source] = 0.0
         self._stamp[source] = known
+        self._came_by[source] = NO_MOVE
         keys: Floats = np.zeros(1024)
         nodes: Ints = np.full(1024, source, dtype=np.int64)
         waiting, reached = 1, -1
@@ -172,25 +203,24 @@ def _octile(dx: int, dy: int, dz: int) -> float:
     least = min(a, b, c)
     most = max(a, b, c)
     middle = a + b + c - least - most
-    return ROOT_3 * least + ROOT_2 * (middle - least) + (most - middle)
+    return (ROOT_3 - ROOT_2) * least + (ROOT_2 - 1.0) * middle + most
 
 
 @compiled
-def _move_length(allowed: Marks, x: int, y: int, z: int, dx: int, dy: int, dz: int) -> float:
-    """Length of a move in pitches; 0 when it leaves the grid or the cube that it crosses is not allowed as a whole."""
-    u, v, w = x + dx, y + dy, z + dz
-    if u < 0 or u >= allowed.shape[0] or v < 0 or v >= allowed.shape[1] or w < 0 or w >= allowed.shape[2]:
-        return 0.0
-    if not allowed[u, v, w]:
-        return 0.0
-    axes = abs(dx) + abs(dy) + abs(dz)
-    if axes < 2:
-        return float(axes)
-    if not (allowed[u, y, z] and allowed[x, v, z] and allowed[x, y, w]):
-        return 0.0
-    if not (allowed[u, v, z] and allowed[u, y, w] and allowed[x, v, w]):
-        return 0.0
-    return ROOT_2 if axes == 2 else ROOT_3
+def _allowed_about(allowed: Marks, x: int, y: int, z: int) -> int:
+    """Which of the 27 cells about one are allowed, as bits in the order of the moves."""
+    bits = 0
+    if 0 < x < allowed.shape[0] - 1 and 0 < y < allowed.shape[1] - 1 and 0 < z < allowed.shape[2] - 1:
+        for i in range(3):
+            for j in range(3):
+                for k in range(3):
+                    bits |= np.int64(allowed[x + i - 1, y + j - 1, z + k - 1]) << (9 * i + 3 * j + k)
+        return bits
+    for i in range(max(1 - x, 0), min(allowed.shape[0] - x + 1, 3)):
+        for j in range(max(1 - y, 0), min(allowed.shape[1] - y + 1, 3)):
+            for k in range(max(1 - z, 0), min(allowed.shape[2] - z + 1, 3)):
+                bits |= np.int64(allowed[x + i - 1, y + j - 1, z + k - 1]) << (9 * i + 3 * j + k)
+    return bits
 
 
 @compiled
@@ -220,6 +250,7 @@ def _expand(
     """
     settled = known + 1
     target = goal[0] * strides[0] + goal[1] * strides[1] + goal[2]
+    covered_lengths = np.round(LENGTHS * (penalty / QUANTUM)) * QUANTUM
     goal_depth = 0.0
     if penalty > 1.0:
         goal_depth = max(cover[goal[0], goal[1], goal[2]], 0.0)
@@ -237,23 +268,27 @@ def _expand(
         z = node % strides[1]
         if wanted[x, y, z] if wanted.size > 0 else node == target:
             return keys, nodes, size, expanded, node
-        for move in range(27):
-            dx, dy, dz = move // 9 - 1, move // 3 % 3 - 1, move % 3 - 1
-            length = _move_length(allowed, x, y, z, dx, dy, dz)
-            if length == 0.0:
+        about = _allowed_about(allowed, x, y, z)
+        tried = NATURAL[NO_MOVE]
+        if about == EVERY_CELL and (penalty == 1.0 or _same_cover(cover, x, y, z)):
+            tried = NATURAL[came_by[node]]
+        for move in tried:
+            if move < 0:
+                break
+            if about & CROSSED[move] != CROSSED[move]:
                 continue
+            dx, dy, dz = move // 9 - 1, move // 3 % 3 - 1, move % 3 - 1
             u, v, w = x + dx, y + dy, z + dz
             other = node + dx * strides[0] + dy * strides[1] + dz
-            if stamp[other] == settled:
-                continue
+            length = LENGTHS[move]
             estimate = _octile(goal[0] - u, goal[1] - v, goal[2] - w)
             if penalty > 1.0:
                 depth = cover[u, v, w]
                 if depth >= 0.0:
-                    length *= penalty
+                    length = covered_lengths[move]
                 estimate = min(penalty * estimate, estimate + (penalty - 1.0) * (max(depth, 0.0) + goal_depth))
             total = cost[node] + length
-            if stamp[other] == known and total >= cost[other]:
+            if stamp[other] >= known and total >= cost[other]:
                 continue
             cost[other] = total
             stamp[other] = known
@@ -263,6 +298,17 @@ def _expand(
             sift_up(keys, nodes, size, total + weight * estimate, other)
             size += 1
     return keys, nodes, size, expanded, -1
+
+
+@compiled
+def _same_cover(cover: SingleFloats, x: int, y: int, z: int) -> bool:
+    covered = cover[x, y, z] >= 0.0
+    for i in range(-1, 2):
+        for j in range(-1, 2):
+            for k in range(-1, 2):
+                if (cover[x + i, y + j, z + k] >= 0.0) != covered:
+                    return False
+    return True
 
 
 @compiled
@@ -284,6 +330,7 @@ def _cover_depth(free: Marks, open_sky: Marks) -> SingleFloats:
     """Dijkstra from the covered cells beside open ones."""
     nx, ny, nz = free.shape
     depth = np.full((nx, ny, nz), -1.0, np.float32)
+    came_by = np.full((nx, ny, nz), NO_MOVE, np.int8)
     keys: Floats = np.empty(1024)
     nodes: Ints = np.empty(1024, np.int64)
     size = 0
@@ -293,9 +340,12 @@ def _cover_depth(free: Marks, open_sky: Marks) -> SingleFloats:
                 if not free[x, y, z] or open_sky[x, y, z]:
                     continue
                 depth[x, y, z] = np.inf
+                about = _allowed_about(free, x, y, z)
+                open_about = _allowed_about(open_sky, x, y, z)
+                if open_about == 0:
+                    continue
                 for move in range(27):
-                    dx, dy, dz = move // 9 - 1, move // 3 % 3 - 1, move % 3 - 1
-                    if _move_length(free, x, y, z, dx, dy, dz) > 0.0 and open_sky[x + dx, y + dy, z + dz]:
+                    if about & CROSSED[move] == CROSSED[move] and open_about >> move & 1:
                         depth[x, y, z] = 0.0
                 if depth[x, y, z] == 0.0:
                     if size == keys.shape[0]:
@@ -309,16 +359,19 @@ def _cover_depth(free: Marks, open_sky: Marks) -> SingleFloats:
         x, y, z = node // (ny * nz), node // nz % ny, node % nz
         if key > depth[x, y, z] + 1e-3:
             continue
-        for move in range(27):
-            dx, dy, dz = move // 9 - 1, move // 3 % 3 - 1, move % 3 - 1
-            length = _move_length(free, x, y, z, dx, dy, dz)
-            if length == 0.0:
+        about = _allowed_about(free, x, y, z)
+        for move in NATURAL[came_by[x, y, z] if about == EVERY_CELL else NO_MOVE]:
+            if move < 0:
+                break
+            if about & CROSSED[move] != CROSSED[move]:
                 continue
-            u, v, w = x + dx, y + dy, z + dz
-            if depth[u, v, w] > key + length + 1e-3:
-                depth[u, v, w] = key + length
+            u, v, w = x + move // 9 - 1, y + move // 3 % 3 - 1, z + move % 3 - 1
+            total = key + LENGTHS[move]
+            if depth[u, v, w] > total + 1e-3:
+                depth[u, v, w] = total
+                came_by[u, v, w] = move
                 if size == keys.shape[0]:
                     keys, nodes = grown(keys, nodes)
-                sift_up(keys, nodes, size, key + length, (u * ny + v) * nz + w)
+                sift_up(keys, nodes, size, total, (u * ny + v) * nz + w)
                 size += 1
     return depth

@@ -24,6 +24,9 @@ WALKS, STEPS, MORE_STEPS = 2, 12, 100
 """Walks from each place, and straight lines of a walk; and how many more when the last walk has led further away than
 the clearance, so that it is not in a hollow of a beam. Too few take open air for enclosed; never the reverse."""
 
+SCOUTS = 400
+"""Of thousands that would go on for longer so many go first; when none gets out, the others are taken to be inside."""
+
 SHORTEST_SHARE, LONGEST_SHARE = 0.1, 0.95
 """Of a line's free length, how much is gone."""
 
@@ -65,23 +68,29 @@ def in_open_air(
     def walk(item: tuple[int, np.random.Generator]) -> NDArray[np.bool_]:
         first, own_rng = item
         part = slice(first, first + PLACES_AT_A_TIME)
-        reached = np.zeros(len(places_m[part]), dtype=np.bool_)
-        place = places_m[part].copy()
-        going = np.arange(len(reached))
-        for step in range(WALKS * STEPS + MORE_STEPS):
-            first_step = step % STEPS == 0 and step < WALKS * STEPS
-            if first_step:
-                place = places_m[part].copy()
-            if step == WALKS * STEPS:
-                going = going[((place - places_m[part])[going] ** 2).sum(axis=1) > far_away_m**2]
-            going = going[~reached[going]]
-            if not len(going):
-                break
-            draws = own_rng.random((len(going), 3))
-            rays = _lines(place, normals[part], going, draws, first_step, ground_m, far, sight.middle_m)
-            free = sight.free_lengths(Rays(*rays))
-            _walk(place, going, rays[1], free * (SHORTEST_SHARE + (LONGEST_SHARE - SHORTEST_SHARE) * draws[:, 2]))
-            reached[going] = (free >= 0.999 * far) | in_open_cell(place[going], outer)
+        start, normal = places_m[part], normals[part]
+        place = start.copy()
+        reached = np.zeros(len(place), dtype=np.bool_)
+
+        def go(who: NDArray[np.int64], steps: int, *, outwards: bool) -> None:
+            for step in range(steps):
+                going = who[~reached[who]]
+                if not len(going):
+                    return
+                draws = own_rng.random((len(going), 3))
+                rays = _lines(place, normal, going, draws, outwards and step == 0, ground_m, far, sight.middle_m)
+                free = sight.free_lengths(Rays(*rays))
+                _walk(place, going, rays[1], free * (SHORTEST_SHARE + (LONGEST_SHARE - SHORTEST_SHARE) * draws[:, 2]))
+                reached[going] = (free >= 0.999 * far) | in_open_cell(place[going], outer)
+
+        everybody = np.arange(len(place))
+        for _ in range(WALKS):
+            place[~reached] = start[~reached]
+            go(everybody, STEPS, outwards=True)
+        wide = np.flatnonzero(~reached & (((place - start) ** 2).sum(axis=1) > far_away_m**2))
+        go(wide[:SCOUTS], MORE_STEPS, outwards=False)
+        if reached[wide[:SCOUTS]].any():
+            go(wide, MORE_STEPS, outwards=False)
         return reached
 
     if not len(places_m):

@@ -7,13 +7,15 @@ may be in the tight space, elsewhere it may not.
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from gcs.core.errors import InfeasibleError
+from gcs.planning.double_arc import cut_by_cable, double_arc
 from gcs.planning.grid_search import GridSearch
-from gcs.planning.string_pulling import pull_string
+from gcs.planning.string_pulling import path_length, pull_string
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -42,7 +44,8 @@ def find_path(
     """A short free path between two points, with its ends exactly there.
 
     Looks for a straight line first, then on the grid among cells under the open sky, then among all free cells with
-    time under cover made dear; the grid path is shortened by string pulling without more time under cover. From and
+    time under cover made dear; the grid path is shortened by string pulling without more time under cover. Where stays
+    cut the straight line, the double arc past them is taken if it is free, shorter, and no more under cover. From and
     to a place in the column over home the path goes vertically through the take-off point.
 
     Args:
@@ -97,7 +100,42 @@ def _path_in_the_air(
         model = space.model_about(_thinned(np.vstack([tight, spots[~space.is_wide(spots)]]), model.spot_radius / 2))
     corners = _without_unproved_diagonals(space, cells, model)
     path = np.concatenate([start[None], corners, goal[None]])
-    return pull_string(space, path, keep_open_sky=prefer_open_sky, model=model)
+    pulled = pull_string(space, path, keep_open_sky=prefer_open_sky, model=model)
+    arc = past_stays(space, start, goal, model, path_length(pulled))
+    if arc is None or path_length(arc) >= path_length(pulled):
+        return pulled
+    more_covered = prefer_open_sky and space.covered_length(arc) > space.covered_length(pulled)
+    return pulled if more_covered else arc
+
+
+def past_stays(
+    space: FreeSpace,
+    start: NDArray[np.float64],
+    goal: NDArray[np.float64],
+    model: RoomModel,
+    longest_m: float = math.inf,
+) -> NDArray[np.float64] | None:
+    """The double arc past the stays that cut a leg.
+
+    Args:
+        space: where the centre may be.
+        start: first point, shape (3,).
+        goal: last point, shape (3,).
+        model: what limits the centre on the way.
+        longest_m: longer ones are not looked for.
+
+    Returns:
+        Its chords, shape (K, 3), each proved free; None where no stay cuts the leg, or there is no arc that is free.
+    """
+    ends, radii, kept = model.cable_ends, model.cable_radii, model.clearance + model.extra
+    if not len(ends) or not cut_by_cable(start, goal, ends, kept + radii).any():
+        return None
+    arc = double_arc(start, goal, ends, radii, kept, longest_m=longest_m)
+    if isinstance(arc, str):
+        return None
+    chords = arc.polyline_m
+    free = space.segments_free(chords[:-1], chords[1:], strict=True, model=model)
+    return chords if free.all() else None
 
 
 def _way_out(

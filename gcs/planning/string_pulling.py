@@ -20,7 +20,7 @@ WORTHWHILE = 1e-3
 """Sweeps end when one shortens the path by less than this share."""
 
 BISECTIONS = 7
-LEAST_SAVING_M = 0.1
+LEAST_SAVING_M = 0.05
 """What one more corner has to save."""
 
 COVER_ROUNDING_M = 1e-6

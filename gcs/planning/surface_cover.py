@@ -11,10 +11,11 @@ import math
 from typing import TYPE_CHECKING
 
 import numpy as np
+from scipy.spatial import cKDTree
 
-from gcs.planning.cover_problem import CoverProblem
+from gcs.planning.cover_problem import CoverProblem, replicated
 from gcs.planning.cover_refinement import refine_cover
-from gcs.planning.set_cover import greedy_cover, without_needless
+from gcs.planning.set_cover import greedy_cover, set_weights, without_needless
 from gcs.planning.surface_candidates import STAGE, CandidateViews, nothing, with_more_targets
 
 if TYPE_CHECKING:
@@ -25,40 +26,50 @@ if TYPE_CHECKING:
     from gcs.planning.seeable_sides import SeeableSides
     from gcs.planning.surface_candidates import Targets, ViewSearch
 
-COVERED_SHARE = 0.9965
+COVERED_SHARE = 0.9973
 """Of the sampled sides that can be seen. The rest are slits that each cost a view of their own."""
 
 WEIGHT_BY_TIMES = np.array([1, 2, 4, 8, 8])
 """For how many sides a target stands, by how many of the first tries saw it: those that are easily seen have neighbours
 that the same views show."""
 
-PILOT_PLACES, PILOT_SHARE = 200, 0.15
+PILOT_PLACES, PILOT_SHARE = 150, 0.1
 """A first small search, on this share of the targets, says about how many views it takes."""
 
-PLACES_PER_VIEW, FEWEST_PLACES, MOST_PLACES = 8, 300, 4000
-AIMS = 10
+SEARCH_SHARE = 0.3
+"""Share of the targets that candidates are looked for with."""
+
+PLACES_PER_VIEW, FEWEST_PLACES, MOST_PLACES = 16, 400, 6000
+AIMS = 8
 """Pictures from every place."""
 
-ROUNDS = 2
-"""How often a choice is judged on all sides, mended, and refined with more candidates."""
+LAYERS = 6
+"""Candidates that are kept: those of so many covers, each of what the earlier ones left."""
 
-MOVES = 3
-"""Places that are tried about each chosen one in a round."""
+MOVES, MOVE_AIMS = 2, 4
+"""Places that are tried about each chosen one, and pictures from each."""
 
-MOVE_AIMS = 6
-MOVE_SHARE = 0.15
+MOVE_SHARE = 0.1
 """How far they lie from it, in focus distances (standard deviation)."""
+
+AS_GOOD = 0.9
+"""A moved view is kept when it shows this much, at least, of what only the view that it came from shows."""
 
 AIMED_PLACES = 4
 """Places that are tried for a target that no candidate shows."""
 
-FIRST_WORK, MORE_WORK = 2e8, 1e8
-"""Updates of a gain in each search for a smaller cover: at first, and in a round."""
+ROUNDS = 4
+"""How often a choice is judged on all sides, and refined with those that it misses among the targets."""
 
-UNDER_COVER = 0.9
-NEAREST = 0.9
+FIRST_WORK, MOVE_WORK, ROUND_WORK = 8e7, 8e7, 4e7
+"""Updates of a gain in each search for a smaller cover: at first, with the moved views, and in a round."""
+
+UNDER_COVER = 0.95
+NEAREST = 0.95
 """Factors on what a view adds: for one that is not under the open sky, and (falling linearly) for the nearest one.
-They decide between views that are about equally good."""
+They decide which candidates are kept, and between views that add the same."""
+
+NONE = np.zeros(0, dtype=np.int64)
 
 NOT_AIMED_AT = 1e-3
 """Weight, where cameras are aimed, of targets that need no more views."""
@@ -115,24 +126,31 @@ class SurfaceCover:
             The cover of the targets; its candidates are `views`.
         """
         which, weights = self._representatives()
+        mixed = self._rng.permutation(len(which))
+        few, some = (np.sort(mixed[: math.ceil(s * len(which))]) for s in (PILOT_SHARE, SEARCH_SHARE))
         self._stage(0.3, 0.35)
-        pilot = np.sort(self._rng.choice(len(which), math.ceil(PILOT_SHARE * len(which)), replace=False))
-        self._begin(which[pilot], weights[pilot])
-        self._look(self._places(PILOT_PLACES), AIMS // 2)
-        views = len(self._completed(np.zeros(0, dtype=np.int64), self._spare * PILOT_SHARE))
+        self._begin(which[few], weights[few])
+        self._look(self._places(PILOT_PLACES), AIMS)
+        views = len(self._completed(NONE, PILOT_SHARE * self._spare))
 
         self._stage(0.35, 0.6)
-        self._begin(which, weights)
+        self._begin(which[some], weights[some])
         self._look(self._places(int(np.clip(PLACES_PER_VIEW * views, FEWEST_PLACES, MOST_PLACES))), AIMS)
+        self._keep(self._layers(SEARCH_SHARE * self._spare))
+        others = np.sort(mixed[len(some) :])
+        self._add_targets(which[others], weights[others])
         self._show_the_rest()
-        self._stage(0.6, 0.9)
-        chosen = self._refined(self._completed(np.zeros(0, dtype=np.int64)), FIRST_WORK)
+        self._stage(0.6, 0.8)
+        chosen = self._refined(self._completed(NONE), FIRST_WORK)
+        self._stage(0.8, 0.95)
+        self._add_missed(chosen)
+        self._look_about(chosen)
+        chosen = self._refined(self._completed(chosen), MOVE_WORK)
+        self._stage(0.95, 1.0)
         for _ in range(ROUNDS):
-            self._look_about(chosen)
-            self._add_targets(self._missed(chosen))
-            chosen = self._refined(self._completed(chosen), MORE_WORK)
-        self._stage(0.9, 1.0)
-        self._add_targets(self._missed(chosen))
+            self._add_missed(chosen)
+            chosen = self._refined(self._completed(chosen), ROUND_WORK)
+        self._add_missed(chosen)
         return self._problem(self._needed(self._completed(chosen)))
 
     def _representatives(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
@@ -172,14 +190,45 @@ class SurfaceCover:
         self._preference = np.concatenate([self._preference, np.where(open_sky, 1.0, UNDER_COVER) * distance])
         self.views = CandidateViews.joined([self.views, found])
 
+    def _layers(self, spare: float) -> NDArray[np.int64]:
+        """Candidates of several covers, each of what the earlier ones left."""
+        left = np.arange(len(self.views))
+        layers: list[NDArray[np.int64]] = []
+        for _ in range(LAYERS):
+            views = self.views[left]
+            layer = greedy_cover(
+                views.starts,
+                views.members,
+                self._weights,
+                self._wanted(spare),
+                preference=self._preference[left],
+                poll=self._poll,
+            )
+            layers.append(left[layer])
+            left = np.delete(left, layer)
+        return np.sort(np.concatenate(layers))
+
+    def _keep(self, which: NDArray[np.int64]) -> None:
+        self.views, self._preference = self.views[which], self._preference[which]
+
     def _look_about(self, chosen: NDArray[np.int64]) -> None:
-        """Take in pictures from near the chosen ones, aimed at what only few of them show."""
-        times = self._times(chosen)
+        """Take in pictures from near the chosen ones that can stand for them, or nearly."""
+        before, times = len(self.views), self._times(chosen)
         weights = (self._weights / np.maximum(times, 0.5) ** 2).astype(np.float32)
         places = np.repeat(self.views.places[chosen], MOVES, axis=0)
         spread = MOVE_SHARE * np.repeat(self.views.focus_m[chosen], MOVES)
         places += (self._rng.normal(size=places.shape) * spread[:, None]).astype(np.float32)
         self._look(self._reachable(places), MOVE_AIMS, weights)
+        alone = self._weights * (times == 1)
+        least = AS_GOOD * set_weights(*self._lists(chosen), alone)
+        _, parent = cKDTree(self.views.places[chosen]).query(self.views.places[before:])
+        more = set_weights(*self._lists(np.arange(before, len(self.views))), self._weights * (times <= 1))
+        good = before + np.flatnonzero(more >= least[parent])
+        self._keep(np.concatenate([np.arange(before), good]))
+
+    def _lists(self, which: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int32]]:
+        views = self.views[which]
+        return views.starts, views.members
 
     def _show_the_rest(self) -> None:
         """Find candidates for targets that none shows.
@@ -205,25 +254,24 @@ class SurfaceCover:
     def _shown_by_none(self) -> NDArray[np.int64]:
         return np.flatnonzero(np.bincount(self.views.members, minlength=len(self._which)) == 0)
 
-    def _missed(self, chosen: NDArray[np.int64]) -> NDArray[np.int64]:
-        """Sides that the chosen views do not show and that are no targets yet."""
+    def _add_missed(self, chosen: NDArray[np.int64]) -> None:
+        """Make those sides targets that some views do not show and that are none yet; they stand for themselves."""
         _, members = self._search.shown(self.views[chosen], self._sides, self._tell)
         left = np.ones(len(self._sides), dtype=np.bool_)
         left[members] = False
         left[self._which] = False
-        return np.flatnonzero(left)
+        missed = np.flatnonzero(left)
+        self._add_targets(missed, np.ones(len(missed), dtype=np.int64))
+        self._show_the_rest()
 
-    def _add_targets(self, which: NDArray[np.int64]) -> None:
-        """Make sides targets that stand for themselves alone."""
-        if not len(which):
-            return
+    def _add_targets(self, which: NDArray[np.int64], weights: NDArray[np.int64]) -> None:
+        """Make more sides targets, of some weight each."""
         more = self._sides[which]
         starts, members = self._search.shown(self.views, more, self._tell)
         self.views = with_more_targets(self.views, starts, members, len(self._which))
         self._which = np.concatenate([self._which, which])
-        self._weights = np.concatenate([self._weights, np.ones(len(which), dtype=np.int64)])
+        self._weights = np.concatenate([self._weights, weights])
         self._targets = self._sides[self._which]
-        self._show_the_rest()
 
     def _times(self, chosen: NDArray[np.int64]) -> NDArray[np.int64]:
         """By how many of some candidates each target is shown."""
@@ -268,15 +316,11 @@ class SurfaceCover:
         return chosen[without_needless(starts, members, each, np.arange(len(chosen)), len(each) - self._spare)]
 
     def _problem(self, chosen: NDArray[np.int64]) -> CoverProblem:
-        """The cover of the targets, each counted once.
-
-        Whatever misses no more than `spare` of all sides misses no more of those that are targets.
-        """
-        targets = len(self._which)
-        wanted = targets - min(self._spare, targets)
-        shown = int((self._times(chosen) > 0).sum())
-        covered = np.zeros(targets, dtype=np.bool_)
-        return CoverProblem(self.views.starts, self.views.members, targets, covered, min(wanted, shown), chosen)
+        """The cover of the targets, each there as often as there are sides that it stands for."""
+        starts, members = replicated(self.views.starts, self.views.members, self._weights)
+        targets = int(self._weights.sum())
+        wanted = min(self._wanted(), self._covered_weight(chosen))
+        return CoverProblem(starts, members, targets, np.zeros(targets, dtype=np.bool_), wanted, chosen)
 
     def _stage(self, begun: float, ended: float) -> None:
         self._begun, self._ended = begun, ended

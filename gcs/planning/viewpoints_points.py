@@ -9,6 +9,7 @@ import numpy as np
 
 from gcs.core.errors import InfeasibleError
 from gcs.core.inspection import DEFAULT_POINT_FOOTPRINT_M
+from gcs.planning.fence import room_in_fence
 from gcs.planning.picture_limits import distance_for
 from gcs.planning.viewpoint_pose import camera_angles, gimbal_pitch_range_rad, pose_towards
 
@@ -89,7 +90,8 @@ def find_point_viewpoint(
     _, pitch = camera_angles(target - places)
     good = np.flatnonzero(seen & (pitch >= lowest) & (pitch <= highest))
     if not len(good):
-        raise InfeasibleError(_reason(free, reachable, seen, space.clearance_m), field=_field(point))
+        fenced = room_in_fence(places, space.model.fence) < space.model.tolerance
+        raise InfeasibleError(_reason(fenced, free, reachable, seen, space.clearance_m), field=_field(point))
     covered = ~space.is_open_sky(places[good])
     best = good[np.lexsort((order[good], covered, tilt[good]))[0]]
     length = float(np.linalg.norm(target - places[best]))
@@ -118,12 +120,24 @@ def _field(point: NamedPoint) -> str:
     return f"inspection.points.{point.name}"
 
 
-def _reason(free: NDArray[np.bool_], reachable: NDArray[np.bool_], seen: NDArray[np.bool_], clearance_m: float) -> str:
+def _reason(
+    fenced: NDArray[np.bool_],
+    free: NDArray[np.bool_],
+    reachable: NDArray[np.bool_],
+    seen: NDArray[np.bool_],
+    clearance_m: float,
+) -> str:
     within = "within 60 degrees of its normal"
-    if not free.any():
+    if fenced.all():
         return (
-            f"every stand-off place {within} is inside the structure, nearer than {clearance_m:.2f} m to something, "
-            "below the ground or outside the fence: turn the normal outwards, or allow a smaller clearance"
+            f"the fence leaves out every stand-off place {within}, the vehicle's size and its errors counted in: widen "
+            "the fence or leave the point out"
+        )
+    if not free.any():
+        besides = f"; {fenced.mean():.0%} of them are outside the fence" if fenced.any() else ""
+        return (
+            f"every stand-off place {within} is inside the structure, nearer than {clearance_m:.2f} m to something or "
+            f"below the ground{besides}: turn the normal outwards, or allow a smaller clearance"
         )
     if not reachable.any():
         return (

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
-from gcs.core.vehicle import FlightMode
+from gcs.core.vehicle import LAST_BATTERY, FlightMode
 from gcs.core.way_home import OwnAction
 from gcs.services.preflight import check_failsafes
 from gcs.storage.records import FlightPath
@@ -75,7 +75,8 @@ def check_failsafes_along(
     """`check_failsafes`, and each one's action held against the scene.
 
     A failsafe whose action would hit is refused when it can be set so that it does not; the check says how. Where no
-    setting of it is safe everywhere, as for PX4's battery under a structure, it must be accepted by name.
+    setting of it is safe everywhere, as for PX4's battery under a structure, it must be accepted by name. What is done
+    with a nearly empty battery, after the failsafe for a low one, is a last resort: it is said, and not refused.
 
     Args:
         failsafes: as they were read.
@@ -104,6 +105,8 @@ def _check(failsafe: Failsafe, ways: OwnWaysOfVehicle, path: FlightPath) -> Pref
         in_hold = " while it holds" if mode is FlightMode.HOLD else ""
         seconds, first = _seconds(worst), worst[0][0]
         why = f"during {seconds:.0f} s of the plan, first at {first:.0f} s,{in_hold} that would hit the structure"
+    if failsafe.about == LAST_BATTERY:
+        return replace(check, detail=f"{check.detail}; {why}")
     safe = [a for a in PREFERRED if a in failsafe.settings and _can_be_safe(a, ways, path)]
     if safe:
         how = " or ".join(f"{_setting(a, failsafe, ways)} ({WORDS[a]})" for a in safe[:2])

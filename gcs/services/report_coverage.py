@@ -24,7 +24,7 @@ COLOURS: dict[Verdict, str] = {
 }
 """What is occluded is not drawn: there is much of it in closed structures, and nobody can see it."""
 
-STYLE = "".join(f".k{v.value}{{fill:{colour}}}" for v, colour in COLOURS.items())
+STYLE = "".join(f".k{v.value}{{stroke:{colour};stroke-width:3;stroke-linecap:round}}" for v, colour in COLOURS.items())
 SIDES = ((0, 1), (0, 2), (1, 2))
 
 
@@ -60,7 +60,7 @@ def _table(plan: Plan) -> str:
         return ""
     shares = plan.coverage.shares()
     rows = "".join(
-        f'<tr><td><svg width="12" height="12" role="img"><circle class="k{v.value}" cx="6" cy="6" r="5"/></svg></td>'
+        f'<tr><td><svg width="12" height="12" role="img"><path class="k{v.value}" d="M2 6h8"/></svg></td>'
         f'<td>{v.words}</td><td class="n">{share * plan.coverage.area_m2:.1f}</td><td class="n">{share:.2%}</td></tr>'
         if v in COLOURS
         else f'<tr><td></td><td>{v.words}</td><td class="n">{share * plan.coverage.area_m2:.1f}</td>'

@@ -86,6 +86,7 @@ def report_page(plan: Plan, structure: Structure, report: dict[str, Any]) -> str
         f"<h2>Speed over time</h2>{speed_chart(plan)}\n"
         f"<h2>Certificates</h2>{_figures(report)}\n"
         f"{coverage_section(plan, structure)}"
+        f"{_sorties(plan)}"
         f"{_faces(plan)}"
         f"<h2>Clearance budget</h2>{_budget(plan)}\n"
         f"{_own_ways(plan)}"
@@ -159,6 +160,17 @@ def _own_ways(plan: Plan) -> str:
         f"<p>{escape(describe_own_ways(ways, plan.trajectory.duration_s))}.</p>"
         f"<table><tr><th></th><th>blocked for s</th><th>from - to, s</th></tr>{rows}</table>\n"
     )
+
+
+def _sorties(plan: Plan) -> str:
+    """The flights of a plan that one battery is not enough for."""
+    rows = "".join(
+        f'<tr><td>{number}</td><td class="n">{len(s.viewpoints)}</td><td class="n">{s.start_s:.0f}</td>'
+        f'<td class="n">{s.duration_s:.0f}</td><td class="n">{s.energy_wh:.1f}</td></tr>'
+        for number, s in enumerate(plan.sorties, start=1)
+    )
+    heads = "<tr><th>sortie</th><th>viewpoints</th><th>take-off, s</th><th>in the air, s</th><th>Wh</th></tr>"
+    return f"<h2>Sorties</h2><table>{heads}{rows}</table>\n" if rows else ""
 
 
 def _faces(plan: Plan) -> str:

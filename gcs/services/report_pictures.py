@@ -20,7 +20,7 @@ HEIGHT_PX = 420
 CHART_WIDTH_PX = 980
 CHART_HEIGHT_PX = 200
 MARGIN_PX = 28
-MAX_EDGES = 5000
+MAX_EDGES, MAX_FAINT_EDGES = 5000, 2500
 MAX_SAMPLES = 1500
 MAX_DOTS = 2500
 
@@ -60,7 +60,7 @@ def scene_view(plan: Plan, structure: Structure, axes: tuple[int, int]) -> str:
 def coverage_view(
     coverage: SurfaceCoverage, structure: Structure, axes: tuple[int, int], verdicts: Collection[Verdict]
 ) -> str:
-    """The sides that are not seen, in parallel projection, as dots of the class `k` and their verdict's number.
+    """The sides that are not seen, in parallel projection, as dots: a path of the class `k3` for verdict 3.
 
     Args:
         coverage: what becomes of each side.
@@ -69,17 +69,16 @@ def coverage_view(
         verdicts: which sides are drawn.
     """
     columns = list(axes)
-    edges = _edges(structure)[:, :, columns]
+    edges = _edges(structure, MAX_FAINT_EDGES)[:, :, columns]
     on_screen = _Frame(structure.bounds_m[:, columns])
     lines = "".join(f"M{a[0]:.1f} {a[1]:.1f}L{b[0]:.1f} {b[1]:.1f}" for a, b in on_screen(edges))
     drawn = np.flatnonzero(np.isin(coverage.verdicts, [int(v) for v in verdicts]))
     if len(drawn) > MAX_DOTS:
         drawn = drawn[np.linspace(0, len(drawn) - 1, MAX_DOTS).astype(np.int64)]
+    places, found = on_screen(coverage.points_m[drawn][:, columns]), coverage.verdicts[drawn]
     dots = "".join(
-        f'<circle class="k{verdict}" cx="{x:.1f}" cy="{y:.1f}" r="1.5"/>'
-        for (x, y), verdict in zip(
-            on_screen(coverage.points_m[drawn][:, columns]), coverage.verdicts[drawn].tolist(), strict=True
-        )
+        f'<path class="k{v}" d="{"".join(f"M{x:.1f} {y:.1f}h0" for x, y in places[found == v])}"/>'
+        for v in np.unique(found)
     )
     return (
         f'<svg width="{WIDTH_PX}" height="{HEIGHT_PX}" role="img"><path class="s" d="{lines}"/>{dots}'
@@ -139,12 +138,12 @@ def speed_chart(plan: Plan) -> str:
     )
 
 
-def _edges(structure: Structure) -> NDArray[np.float64]:
+def _edges(structure: Structure, most: int = MAX_EDGES) -> NDArray[np.float64]:
     """Edges of the triangles, shape (E, 2, 3); of large meshes an even selection."""
     pairs = np.sort(structure.faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
     pairs = np.unique(pairs, axis=0)
-    if len(pairs) > MAX_EDGES:
-        pairs = pairs[np.linspace(0, len(pairs) - 1, MAX_EDGES).astype(np.int64)]
+    if len(pairs) > most:
+        pairs = pairs[np.linspace(0, len(pairs) - 1, most).astype(np.int64)]
     return structure.vertices_m[pairs]
 
 

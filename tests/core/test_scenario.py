@@ -66,7 +66,7 @@ def test_camera_distances_follow_similar_triangles():
         (["structure", "meshes"], [{"file": "a.stl", "scale": 0}], "structure.meshes.0.scale"),
         (["vehicle"], {"count": 0}, "vehicle.count"),
         (["vehicle"], {"count": 3, "pads_m": [[5, 5, 0]]}, "vehicle"),
-        (["rally_m"], [[0, 0, 0]], "rally_m"),
+        (["rally_m"], [[0, 0]], "rally_m.0"),
         (["fence"], {"include": [[[0, 0], [1, 1]]]}, "fence.include"),
     ],
 )

@@ -128,7 +128,7 @@ def test_viewpoints_are_numbered_and_timed_in_visiting_order(planned):
 
 def test_the_seconds_of_every_stage_are_told(planned):
     plan, stages = planned
-    assert list(plan.stages_s) == ["scene", "viewpoints", "tour", "trajectory", "coverage", "certificates"]
+    assert list(plan.stages_s) == ["scene", "viewpoints", "tour", "trajectory", "coverage", "certificates", "bound"]
     assert all(seconds >= 0 for seconds in plan.stages_s.values())
     assert set(stages) >= {"distance_field", "free_space", "viewpoints", "tour", "trajectory", "coverage"}
 

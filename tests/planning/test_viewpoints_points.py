@@ -12,6 +12,8 @@ from gcs.core.errors import InfeasibleError
 from gcs.core.inspection import NamedPoint
 from gcs.core.scenario import Safety, VehicleSpec
 from gcs.core.structure import Structure
+from gcs.planning.fence import FenceVolume, room_in_fence
+from gcs.planning.free_space import EVERYWHERE
 from gcs.planning.picture_limits import NearestPlace, nearest_place, nearest_sharp_m
 from gcs.planning.point_distance import SceneDistance
 from gcs.planning.viewpoints_points import find_point_viewpoint, stand_off_m
@@ -32,14 +34,16 @@ FACE = (1.0, 0.0, 20.0)
 class Room:
     """Free space without a grid: exact distances; what lies in `closed` is free but not connected."""
 
-    def __init__(self, structure, clearance_m, ground_m=0.0, closed=None, sky=None):
+    def __init__(self, structure, clearance_m, ground_m=0.0, closed=None, sky=None, fence=EVERYWHERE):
         self.clearance_m = clearance_m
+        self.model = SimpleNamespace(fence=fence, tolerance=0.0)
         self._distance = SceneDistance(structure, ground_m)
         self._closed = closed or (lambda p: np.zeros(len(p), bool))
         self._sky = sky or (lambda p: np.ones(len(p), bool))
 
     def is_free(self, points):
-        return self._distance.distance(points) >= self.clearance_m - 1e-9
+        inside = room_in_fence(points, self.model.fence) >= 0.0
+        return inside & (self._distance.distance(points) >= self.clearance_m - 1e-9)
 
     def is_reachable(self, points):
         return self.is_free(points) & ~self._closed(np.asarray(points))
@@ -200,6 +204,14 @@ def test_a_point_that_the_structure_hides_says_so():
 def test_below_the_ground_nobody_can_stand():
     with pytest.raises(InfeasibleError, match=r"points\.P7: every stand-off place .* below the ground"):
         find(boxes(((0, 0, 3), (20, 20, 1))), named((0, 0, 2.5), (0, 0, -1)))
+
+
+def test_a_fence_that_leaves_out_every_stand_off_place_is_named():
+    west = np.array([[-50.0, -50], [0.5, -50], [0.5, 50], [-50, 50]])
+    fence = FenceVolume(west, np.array([0, 4]), 1, math.inf, 0.5)
+    with pytest.raises(InfeasibleError, match=r"points\.P7: the fence leaves out every stand-off place"):
+        find(boxes(WALL), named(), fence=fence)
+    find(boxes(WALL), named((-1.0, 0.0, 20.0), (-1, 0, 0)), fence=fence)
 
 
 @pytest.mark.parametrize(("pitch_max_deg", "possible"), [(30, False), (40, True), (90, True)])

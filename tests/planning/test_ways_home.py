@@ -11,6 +11,7 @@ from gcs.core.progress import SilentProgress
 from gcs.core.structure import Structure
 from gcs.core.trajectory import PiecewisePolynomial
 from gcs.core.way_home import ReturnFlight
+from gcs.planning.fence import FenceVolume
 from gcs.planning.point_distance import SceneDistance
 from gcs.planning.ways_home import MARGIN_M, SPACING_M, check_ways_home, return_is_clear, trace_ways_home
 
@@ -197,6 +198,23 @@ def test_a_return_from_one_place(tower_scenario, tower_distance):
     top = tower_scenario.home_m[2] + 200.0
     assert return_is_clear(plan, tower_distance, ReturnFlight(10.0), [0.0, 0.0, top], [0.0, 0.0, 0.0])
     assert not return_is_clear(plan, tower_distance, ReturnFlight(10.0), [0.0, 0.0, top], [0.0, 0.0, -60.0])
+
+
+def test_a_return_does_not_cross_what_the_fence_leaves_out():
+    curve = line([20.0, 0, 10], [20, 10, 10])
+    nothing = boxes(((50, 50, 0), (51, 51, 1)))
+    corners = np.array([[-10.0, -3], [0, -3], [0, 3], [-10, 3]])
+    out = FenceVolume(corners, np.array([0, 4]), 0, np.inf, 0.5)
+
+    def found(fence):
+        return trace_ways_home(curve, nothing, HOME, ReturnFlight(30.0), KEEP_M, SilentProgress(), fence=fence)
+
+    assert found(None).ok
+    ((start, end),) = found(out).blocked_s
+    assert start == 0.0
+    # The line home from (20, y) passes (-10, 0.4 y).
+    assert 0.4 * curve.value(end)[1] == pytest.approx(3 + 0.5, abs=2 * TOLERANCE_M)
+    assert found(out).clearest_m is not None
 
 
 def test_margins_come_from_the_scenario(tower_flight, tower_scenario, tower_distance):

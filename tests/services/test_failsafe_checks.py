@@ -97,6 +97,12 @@ def test_where_no_setting_is_safe_it_is_accepted_by_name():
     assert judged(Px4(), "COM_LOW_BAT_ACT", values, returns=UNDER).state == "refused", "landing would do"
 
 
+def test_the_last_resort_of_an_empty_battery_is_said_and_not_refused():
+    check = judged(ArduPilot(), "BATT_FS_CRT_ACT", {"BATT_FS_CRT_ACT": 1}, landing=UNDER)
+    assert check.state == "ok"
+    assert check.detail.endswith("during 10 s of the plan, first at 20 s, that would hit the structure")
+
+
 def test_flying_back_needs_a_memory_that_is_good_enough():
     values = {"FS_GCS_ENABLE": 4}
     assert judged(ArduPilot(), "FS_GCS_ENABLE", values, returns=UNDER, landing=UNDER).state == "ok"

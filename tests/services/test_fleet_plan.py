@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import shutil
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -15,6 +16,7 @@ from gcs.core.errors import InfeasibleError, InputError
 from gcs.services.plan_service import fleet_to_directory, plan_to_directory
 from gcs.services.plan_verification import verify_plan
 from gcs.services.remaining_flight import next_flight
+from gcs.storage import sample_scenes as samples
 from gcs.storage.fleet_files import is_fleet_directory, read_fleet
 from gcs.storage.plan_files import part_directories, read_plan
 
@@ -108,6 +110,16 @@ def test_vehicles_that_start_at_another_time_are_found(out, tmp_path):
     shutil.rmtree(other)
     (copy / "fleet.json").write_text((out / "fleet.json").read_text())
     assert failed(copy) == {"fleet.json"}
+
+
+def test_two_about_the_sample_crane(files):
+    sample = yaml.safe_load((Path(samples.__file__).parent / "samples" / "gantry-crane.scenario.yaml").read_text())
+    sample["vehicle"]["count"] = 2
+    file, out = files(sample)
+    fleet = fleet_to_directory(file, out)
+    assert fleet.viewpoints == 18
+    assert fleet.min_separation_m >= fleet.apart_m
+    assert failed(out) == set()
 
 
 def test_they_are_flown_one_by_one(out, tmp_path):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import shutil
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -20,6 +21,7 @@ from gcs.services.mission_files import mission_of_plan
 from gcs.services.plan_service import PlanService, plan_to_directory
 from gcs.services.plan_verification import verify_plan
 from gcs.services.remaining_flight import next_flight, pictured_before
+from gcs.storage import sample_scenes as samples
 from gcs.storage.database import Database
 from gcs.storage.plan_files import is_plan_directory, part_directories, read_plan, read_report
 from gcs.storage.records import FlightPath, FlightRecord, FlightState, ImageRecord, ImageState
@@ -79,6 +81,12 @@ def test_the_report_tells_of_them(out):
     sorties = read_report(out)["sorties"]
     assert [set(s) for s in sorties] == [{"viewpoints", "energy_wh", "duration_s", "start_s", "end_s"}] * len(sorties)
     assert all(s["duration_s"] == pytest.approx(s["end_s"] - s["start_s"]) for s in sorties)
+
+
+def test_the_page_lists_them(out):
+    page = (out / "report.html").read_text()
+    assert "<h2>Sorties</h2>" in page
+    assert "<h2>Sorties</h2>" not in (out / "sortie-1" / "report.html").read_text()
 
 
 def test_each_is_a_complete_plan_of_its_own(out):
@@ -143,6 +151,17 @@ def test_faces_are_shared_too(plan_it, scenario):
     assert failed(out) == set()
 
 
+def test_the_sample_crane_on_small_batteries(plan_it):
+    """About 12.5 Wh in one flight; a flight there and back is about 3 Wh of it."""
+    sample = yaml.safe_load((Path(samples.__file__).parent / "samples" / "gantry-crane.scenario.yaml").read_text())
+    sample["vehicle"]["battery"] = {"capacity_wh": 12.0, "reserve": 0.25}
+    written, out = plan_it(sample)
+    assert 2 <= len(written.plan.sorties) <= 3
+    assert sum(len(s.viewpoints) for s in written.plan.sorties) == 18
+    assert max(s.energy_wh for s in written.plan.sorties) <= 9.0
+    assert failed(out) == set()
+
+
 # ---- which one is flown next ----
 
 
@@ -161,16 +180,16 @@ def chosen(station, out, sortie=None, rest=False):
     return next_flight(out, sortie, rest, station.database, station.plans, scratch)
 
 
-def fly(station, folder, viewpoints, number=[0]):  # noqa: B006 - counts the flights
+def fly(station, folder, viewpoints):
     """A flight of a plan that brought the pictures of some of its viewpoints."""
-    number[0] += 1
-    plan_id, flight_id, now = station.plans.adopt(folder).plan.id, f"flight-{number[0]}", utc_now()
+    number = len(station.database.flights.summaries()) + 1
+    plan_id, flight_id, now = station.plans.adopt(folder).plan.id, f"flight-{number}", utc_now()
     record = FlightRecord(
         flight_id, plan_id, "", "px4-1", 1, FlightPath.MISSION, FlightState.INCOMPLETE, now, now, len(viewpoints)
     )
     station.database.flights.add(record)
     for view in viewpoints:
-        image = f"image-{number[0]}-{view.id}"
+        image = f"image-{number}-{view.id}"
         station.database.images.add(
             ImageRecord(image, flight_id, view.id, view.id, view.name, ImageState.STORED, "link", now)
         )

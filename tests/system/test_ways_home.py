@@ -187,7 +187,7 @@ async def test_px4_is_not_sent_home_from_under_the_stays(at_the_tower, station, 
     ("kind", "names"),
     [
         ("px4", ("NAV_DLL_ACT", "NAV_RCL_ACT", "COM_LOW_BAT_ACT", "ways home")),
-        ("ardupilot", ("FS_THR_ENABLE", "BATT_FS_LOW_ACT", "BATT_FS_CRT_ACT", "ways home")),
+        ("ardupilot", ("FS_THR_ENABLE", "BATT_FS_LOW_ACT", "ways home")),
     ],
 )
 async def test_failsafes_that_would_hit_are_refused_with_what_to_set(kind, names, at_the_tower, station, tower):

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 
 from gcs.core.errors import RefusedError
 from gcs.core.mission import Command
-from gcs.core.vehicle import Autopilot, Failsafe, FlightMode, MissionProgress, MissionState, VehicleLimits
+from gcs.core.vehicle import LAST_BATTERY, Autopilot, Failsafe, FlightMode, MissionProgress, MissionState, VehicleLimits
 from gcs.core.way_home import OwnAction, RetraceMemory, ReturnFlight
 from gcs.mavlink.autopilots.base import (
     CommandCall,
@@ -241,8 +241,8 @@ class ArduPilot(FlightStack):
                     OwnAction.HOLD: "FS_THR_ENABLE 7",
                 },
             ),
-            _battery(values, "BATT_FS_LOW_ACT", "low"),
-            _battery(values, "BATT_FS_CRT_ACT", "critical"),
+            _battery(values, "BATT_FS_LOW_ACT", "battery", "low"),
+            _battery(values, "BATT_FS_CRT_ACT", LAST_BATTERY, "critical"),
             self._fence(values),
             self._stream_loss(values),
             self._return(values),
@@ -311,11 +311,11 @@ def _goes_on(values: ParameterValues, bit: int, besides: Mapping[FlightMode, Own
     return ({FlightMode.MISSION: OwnAction.CONTINUE} if goes_on else {}) | dict(besides)
 
 
-def _battery(values: ParameterValues, name: str, level: str) -> Failsafe:
+def _battery(values: ParameterValues, name: str, about: str, level: str) -> Failsafe:
     return failsafe(
         values,
         name,
-        "battery",
+        about,
         {
             0: f"only warns when the battery is {level}",
             1: f"lands when the battery is {level}",

@@ -78,12 +78,13 @@ def run(quick: bool, mesh: Path | None = None) -> list[Row]:
         if quick
         else _Effort(SAMPLES, BOUND_LIMIT_S, SEGMENTS)
     )
-    _compile()
     if mesh is not None:
         scenario = mesh_scenario(mesh)
+        _compile()
         return [
             row for overlap, end in OVERLAPS.items() for row in _case(mesh.stem + end, scenario, mesh, overlap, effort)
         ]
+    _compile()
     rows = []
     for name in ("gantry-crane",) if quick else tuple(SAMPLE_BUILDERS):
         scenario = scene_scenario(name, QUICK_GSD_MM if quick else None)

@@ -1,9 +1,8 @@
-"""Benchmark `paths`: optimal grid search in a container yard, and pulled paths round a box against a closed form."""
+"""Benchmark `paths`: optimal grid search in a container yard, pulled paths round a box against a closed form, stays."""
 
 from __future__ import annotations
 
 import math
-import time
 from importlib.util import find_spec
 from typing import TYPE_CHECKING
 
@@ -17,13 +16,21 @@ from gcs.planning.grid_search import GridSearch
 from gcs.planning.path_search import find_path
 from gcs.planning.string_pulling import path_length
 from gcs.services.benchmarks.row import Row, milliseconds
+from gcs.services.benchmarks.stay_legs import stay_legs
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from numpy.typing import NDArray
 
 QUERIES = 40
-REFERENCE_QUERIES = 3
+REFERENCE_QUERIES = 5
+RUNS = 3
 REFERENCE = "scikit-image"
+
+BODY_HEIGHT_M = 80.0
+CYLINDER_SIDES = 512
+"""So many that the way round them is that round a circle, but for a part in 50,000."""
 
 
 def run(quick: bool) -> list[Row]:
@@ -34,7 +41,7 @@ def run(quick: bool) -> list[Row]:
     """
     shapes = [(60, 60, 30)] if quick else [(200, 200, 100), (500, 500, 200)]
     rows = [row for shape in shapes for row in _grid_case(shape, quick)]
-    return rows + _any_angle_case(boxes=2 if quick else 12)
+    return [*rows, *_any_angle_case(2 if quick else 12), *stay_legs(quick)]
 
 
 def container_yard(shape: tuple[int, ...], seed: int = 0) -> NDArray[np.bool_]:
@@ -59,7 +66,7 @@ def _grid_case(shape: tuple[int, ...], quick: bool) -> list[Row]:
     ends = cells[np.random.default_rng(1).integers(0, len(cells), (5 if quick else QUERIES, 2))]
     grid = GridSearch(shape)
     grid.search(free, ends[0, 0], ends[0, 1])  # loads the compiled kernels
-    times = [milliseconds(lambda a=a, b=b: grid.search(free, a, b)) for a, b in ends]  # type: ignore[misc]
+    times = [_least_ms(lambda a=a, b=b: grid.search(free, a, b)) for a, b in ends]  # type: ignore[misc]
     reference = None
     if find_spec("skimage") and not quick and math.prod(shape) <= 4_000_000:
         reference = _scikit_image_ms(free, ends[:REFERENCE_QUERIES])
@@ -67,6 +74,11 @@ def _grid_case(shape: tuple[int, ...], quick: bool) -> list[Row]:
         Row(case, "median_ms", float(np.median(times)), "ms", REFERENCE, reference),
         Row(case, "p95_ms", float(np.percentile(times, 95)), "ms", REFERENCE, None),
     ]
+
+
+def _least_ms(search: Callable[[], object]) -> float:
+    """Of a few runs: what else goes on on the machine is not the search's time."""
+    return min(milliseconds(search) for _ in range(RUNS))
 
 
 def _scikit_image_ms(free: NDArray[np.bool_], ends: NDArray[np.int64]) -> float:
@@ -80,36 +92,60 @@ def _scikit_image_ms(free: NDArray[np.bool_], ends: NDArray[np.int64]) -> float:
     return float(np.median(times))
 
 
-def shortest_way_round(half_x: float, half_y: float, start_x: float, clearance: float) -> float:
-    """Length of the shortest way from (-start_x, 0) to (start_x, 0) round a box about the origin, at a clearance.
+def length_round_box(half_x: float, half_y: float, aside: float, clearance: float) -> float:
+    """Length of the shortest way from (-aside, 0) to (aside, 0) round a box about the origin, at a clearance.
 
     Two tangents to the circles about the corners, two arcs on them, and the straight between the arcs.
     """
-    to_corner = math.hypot(start_x - half_x, half_y)
-    heading = math.atan2(half_y, start_x - half_x) + math.asin(clearance / to_corner)
+    to_corner = math.hypot(aside - half_x, half_y)
+    heading = math.atan2(half_y, aside - half_x) + math.asin(clearance / to_corner)
     return 2 * (math.sqrt(to_corner**2 - clearance**2) + clearance * heading + half_x)
 
 
-def _any_angle_case(boxes: int) -> list[Row]:
+def length_round_cylinder(radius: float, aside: float, clearance: float) -> float:
+    """Length of the shortest way from (-aside, 0) to (aside, 0) round a cylinder about the origin, at a clearance.
+
+    Two tangents, and the arc between them.
+    """
+    kept = radius + clearance
+    return 2 * (math.sqrt(aside**2 - kept**2) + kept * math.asin(kept / aside))
+
+
+def _any_angle_case(bodies: int) -> list[Row]:
+    """Upright boxes and cylinders, anyhow turned and placed on the grid, between two places at different heights.
+
+    The way round an upright body is on a developable surface: the difference of heights adds at right angles.
+    """
     rng = np.random.default_rng(2)
     excess, times = [], []
-    for _ in range(boxes):
-        half_x, half_y = rng.uniform(1.0, 6.0), rng.uniform(3.0, 8.0)
-        start_x, clearance = half_x + rng.uniform(6.0, 15.0), rng.uniform(1.5, 3.0)
-        box = trimesh.creation.box(extents=(2 * half_x, 2 * half_y, 80.0))
-        structure = Structure(np.asarray(box.vertices, dtype=np.float64), np.asarray(box.faces, dtype=np.int64))
-        field = build_distance_field(structure, (-25.0, -20.0, -45.0), (25.0, 20.0, 45.0), 0.5)
-        space = FreeSpace(field, clearance, None, (-start_x, 0.0, -20.0))
-        start, goal = np.array([-start_x, 0.0, 0.0]), np.array([start_x, 0.0, 0.0])
-        find_path(space, start, goal, prefer_open_sky=False)
-        begin = time.perf_counter()
+    for body in range(2 * bodies):
+        clearance = rng.uniform(1.5, 3.0)
+        if body < bodies:
+            half_x, half_y = rng.uniform(1.0, 6.0), rng.uniform(3.0, 8.0)
+            aside = half_x + rng.uniform(6.0, 14.0)
+            level = length_round_box(half_x, half_y, aside, clearance)
+            mesh = trimesh.creation.box(extents=(2 * half_x, 2 * half_y, BODY_HEIGHT_M))
+        else:
+            radius = rng.uniform(2.0, 8.0)
+            aside = radius + clearance + rng.uniform(2.0, 8.0)
+            level = length_round_cylinder(radius, aside, clearance)
+            mesh = trimesh.creation.cylinder(radius, BODY_HEIGHT_M, sections=CYLINDER_SIDES)
+        turn, shift = rng.uniform(0.0, math.pi), rng.uniform(-0.5, 0.5, 3)
+        rise = rng.uniform(-6.0, 6.0)
+        mesh.apply_transform(trimesh.transformations.rotation_matrix(turn, (0, 0, 1)))
+        mesh.apply_translation(shift)
+        along = np.array([math.cos(turn) * aside, math.sin(turn) * aside, rise / 2])
+        start, goal = shift - along, shift + along
+        structure = Structure(np.asarray(mesh.vertices, dtype=np.float64), np.asarray(mesh.faces, dtype=np.int64))
+        field = build_distance_field(structure, (-25.0, -25.0, -42.0), (25.0, 25.0, 42.0), 0.5)
+        space = FreeSpace(field, clearance, None, start - (0.0, 0.0, 10.0))
         path = find_path(space, start, goal, prefer_open_sky=False)
-        times.append(1e3 * (time.perf_counter() - begin))
-        excess.append(path_length(path) / shortest_way_round(half_x, half_y, start_x, clearance) - 1)
+        times.append(_least_ms(lambda s=space, a=start, b=goal: find_path(s, a, b, False)))  # type: ignore[misc]
+        excess.append(path_length(path) / math.hypot(level, rise) - 1)
     case = "any-angle-closed-form"
     return [
         Row(case, "median_ms", float(np.median(times)), "ms"),
         Row(case, "p95_ms", float(np.percentile(times, 95)), "ms"),
-        Row(case, "excess_length", float(np.mean(excess)), "1", "closed form", 0.0),
-        Row(case, "largest_excess_length", float(np.max(excess)), "1", "closed form", 0.0),
+        Row(case, "excess_length", float(np.max(excess)), "1", "closed form", 0.0),
+        Row(case, "mean_excess_length", float(np.mean(excess)), "1", "closed form", 0.0),
     ]
