@@ -116,10 +116,12 @@ class Fence(Strict):
 
 
 class PlannerOptions(Strict):
-    """Which methods are used."""
+    """Which methods are used; `mu` and `k` are those of the metric `energy`, `k sqrt(dx^2 + dy^2 + mu dz^2)`."""
 
-    tour: Literal["fast", "given"] = "fast"
-    metric: Literal["length", "time"] = "time"
+    tour: Literal["fast", "genetic", "given"] = "fast"
+    metric: Literal["length", "time", "energy"] = "time"
+    mu: NonNegative = 3.0
+    k: Positive = 1.0
     trajectory: Literal["corridor"] = "corridor"
     seed: Annotated[int, Field(ge=0)] = 0
 

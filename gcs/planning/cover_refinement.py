@@ -2,9 +2,9 @@
 
 With one set fewer than the best cover so far, the search looks for sets that cover as much as is wanted all the same.
 In each step up to four sets are taken out, a random one and such as share elements with it, and as many put in
-greedily; sets that have just been taken out stay out for a few steps. A step that leaves more uncovered is undone. When
-enough is covered there is a new best cover, and one set is dropped. Gains of all sets are kept up to date element by
-element. (Ruin and recreate: Schrimpf et al. 2000.)
+greedily; sets that have just been taken out stay out for a few steps. A step that leaves more uncovered is undone, but
+for few that leave hardly more. When enough is covered there is a new best cover, and one set is dropped. Gains of all
+sets are kept up to date element by element. (Ruin and recreate: Schrimpf et al. 2000.)
 """
 
 from __future__ import annotations
@@ -34,6 +34,9 @@ PROBES = 4
 
 LONGEST_STAY = 10
 """For how many steps, at most, a set that was taken out stays out."""
+
+ONE_WORSE = 10
+"""One step in so many may leave a weight of one more uncovered."""
 
 WORK_BETWEEN_POLLS = 20_000_000
 
@@ -326,7 +329,8 @@ def _search(problem: _Problem, state: _State, most: int) -> None:
             put[added] = s
             added += 1
             work += _put_in(problem, state, s)
-        if state.numbers[UNCOVERED] > uncovered or added < taken:
+        worse = state.numbers[UNCOVERED] - uncovered
+        if added < taken or worse > 1 or (worse == 1 and _random_below(state, ONE_WORSE) > 0):
             for k in range(added):
                 work += _take_out(problem, state, put[k])
             for k in range(taken):

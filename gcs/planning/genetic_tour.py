@@ -1,10 +1,12 @@
 """The tower paper's genetic algorithm for tours, with crossover and mutation rates that follow the population's entropy.
 
-A chromosome is an order of the nodes, its fitness 1 / W with W the cost of the tour. In every generation the population is
-dealt into groups at random. The best 30 % of each group survive; the others of the group are children of a survivor: at
-the crossover rate a segment of the next group's best is set into it, the other genes around it keep their order; at the
-mutation rate one of three mutations follows (the reversal of an interval, the swap of two genes, an interval shifted
-round by one). Where the population's entropy is below a threshold, the rates are raised.
+A chromosome is an order of the nodes, its fitness 1 / W with W the cost of the tour. The population is divided into groups.
+In every generation the best 30 % of each group survive (of equals the younger); the others of the group are replaced by
+children of a survivor: at the crossover rate a segment of the next group's best is set into it, round which the other genes
+keep their order; at the mutation rate one of three mutations follows (an interval reversed, two genes swapped, an interval
+shifted round by one). Where the population's entropy is below a threshold, the rates are raised. As segments go from group
+to group, a group that found something else keeps it for a while: with many small groups the tour's large shape, which no
+single mutation changes any more in the end, is chosen from many.
 
 Source: W. Xu et al., "Obstacle avoidance path planning of a rotor UAV for the inspection of cable-stayed bridge towers",
 equations 2 to 9. The exponent of the threshold is taken per share of the run (the printed one lacks the division by the
@@ -29,10 +31,14 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 SURVIVING_SHARE = 0.3
+GENERATIONS_PER_NODE = 250
 ENTROPY_EVERY = 20
-GENERATIONS_AT_ONCE = 200
+CHILDREN_AT_ONCE = 100_000
 EXACT_AGAIN = 1000
 """Generations after which the costs, kept up to date by differences, are summed anew."""
+
+SAME = 1e-12
+"""Share of the cost by which equals differ at most."""
 
 
 @dataclass(frozen=True)
@@ -42,7 +48,7 @@ class GeneticOptions:
     Attributes:
         population: m, a multiple of the group.
         group: g.
-        generations: L.
+        generations: L; 250 for each node when not given.
         crossover_rate: p_fc, the rate where the population is diverse enough.
         mutation_rate: p_fv.
         threshold: R of `T(l) = R log2(m) exp(-G l / L)`.
@@ -50,13 +56,13 @@ class GeneticOptions:
         measure: u: the rates grow by `max(0, T - H) / u` of themselves.
     """
 
-    population: int = 60
-    group: int = 10
-    generations: int = 20_000
+    population: int = 1000
+    group: int = 5
+    generations: int | None = None
     crossover_rate: float = 0.1
     mutation_rate: float = 0.6
-    threshold: float = 0.6
-    decay: float = 3.0
+    threshold: float = 0.9
+    decay: float = 1.0
     measure: float = 2.0
 
 
@@ -101,32 +107,28 @@ def genetic_tour(
     """
     options = options or GeneticOptions()
     n, m = len(costs), options.population
+    if n < 4:
+        return _best_of_all(costs, closed)
+    generations = options.generations or GENERATIONS_PER_NODE * n
     rng = np.random.default_rng(seed)
     people = np.array([rng.permutation(n) for _ in range(m)], dtype=np.int64)
     if start is not None:
         people[0] = start
-    fitness_costs = np.array([costs.of_tour(order, closed=closed) for order in people])
-    best, entropy = np.empty(options.generations), np.empty(options.generations)
-    if n < 4:
-        return _best_of_all(costs, closed)
-    rates = np.array(
-        [
-            options.crossover_rate,
-            options.mutation_rate,
-            options.threshold * math.log2(m),
-            options.decay,
-            options.measure,
-        ]
-    )
-    for begin in range(0, options.generations, GENERATIONS_AT_ONCE):
+    paid = np.array([costs.of_tour(order, closed=closed) for order in people])
+    deal = np.arange(m)
+    best, entropy = np.empty(generations), np.empty(generations)
+    rates = np.array([options.crossover_rate, options.mutation_rate])
+    control = np.array([options.threshold, options.decay, options.measure])
+    at_once = max(1, CHILDREN_AT_ONCE // m)
+    for begin in range(0, generations, at_once):
         if poll:
-            poll(begin / options.generations)
-        end = min(begin + GENERATIONS_AT_ONCE, options.generations)
+            poll(begin / generations)
+        end = min(begin + at_once, generations)
         _breed(
-            costs.data, costs.from_points, closed, people, fitness_costs, options.group, rates, rng, begin, end,
-            options.generations, best, entropy,
+            costs.data, costs.from_points, closed, people, paid, deal, options.group, rates, control, rng, begin, end,
+            best, entropy,
         )  # fmt: skip
-    order = people[int(fitness_costs.argmin())]
+    order = people[int(paid.argmin())].copy()
     return GeneticTour(order, costs.of_tour(order, closed=closed), best, entropy)
 
 
@@ -266,64 +268,70 @@ def _breed(
     closed: bool,
     people: Ints,
     costs: Floats,
+    deal: Ints,
     group: int,
     rates: Floats,
+    control: Floats,
     rng: np.random.Generator,
     begin: int,
     end: int,
-    generations: int,
     best: Floats,
     entropy: Floats,
 ) -> None:
-    """The generations from `begin` to `end`."""
+    """The generations from `begin` to `end`; `deal` is who is in which group, best first when it is sorted."""
     m, n = people.shape
-    deal = np.arange(m)
     stamp = np.ones(n, np.int64)
-    surviving = max(1, int(round(SURVIVING_SHARE * group)))
-    diversity = 0.0
+    surviving = max(1, int(SURVIVING_SHARE * group + 0.5))
     for generation in range(begin, end):
         if generation % ENTROPY_EVERY == 0:
-            diversity = population_entropy(people)
-        entropy[generation] = diversity
-        wanted = diversity_threshold(generation, generations, m, rates[2], rates[3])
-        more = 1.0 + max(0.0, wanted - entropy[generation]) / rates[4]
-        crossover_rate, mutation_rate = rates[0] * more, rates[1] * more
-        for i in range(m - 1, 0, -1):
-            j = int(rng.random() * (i + 1))
-            deal[i], deal[j] = deal[j], deal[i]
-        for start in range(0, m, group):
-            for i in range(start + 1, start + group):
-                member, hole = deal[i], i
-                while hole > start and costs[deal[hole - 1]] > costs[member]:
-                    deal[hole] = deal[hole - 1]
-                    hole -= 1
-                deal[hole] = member
-        for start in range(0, m, group):
-            donor = people[deal[(start + group) % m]]
-            for k in range(start + surviving, min(start + group, m)):
-                child = deal[k]
-                parent = deal[start + int(rng.random() * surviving)]
-                if rng.random() < crossover_rate:
+            entropy[generation] = population_entropy(people)
+        else:
+            entropy[generation] = entropy[generation - 1]
+        wanted = diversity_threshold(generation, len(best), m, control[0], control[1])
+        raised = 1.0 + max(0.0, wanted - entropy[generation]) / control[2]
+        for begin_of_group in range(0, m, group):
+            _sort_group(deal, begin_of_group, min(begin_of_group + group, m), costs)
+        for begin_of_group in range(0, m, group):
+            donor = deal[(begin_of_group + group) % m] if begin_of_group + group < m else deal[0]
+            for k in range(begin_of_group + surviving, min(begin_of_group + group, m)):
+                child, parent = deal[k], deal[begin_of_group + int(rng.random() * surviving)]
+                if rng.random() < rates[0] * raised:
                     length = 1 + int(rng.random() * (n - 1))
-                    set_in_segment(
-                        people[parent], donor, int(rng.random() * (n - length + 1)), length, stamp, people[child]
-                    )
+                    start = int(rng.random() * (n - length + 1))
+                    set_in_segment(people[parent], people[donor], start, length, stamp, people[child])
                     costs[child] = _sum(data, from_points, closed, people[child])
                 else:
                     for j in range(n):
                         people[child, j] = people[parent, j]
                     costs[child] = costs[parent]
-                if rng.random() < mutation_rate:
-                    first = int(rng.random() * n)
-                    last = int(rng.random() * (n - 1))
-                    if last >= first:
-                        last += 1
-                    if last < first:
-                        first, last = last, first
-                    costs[child] += _mutate(
-                        data, from_points, closed, people[child], int(rng.random() * 3), first, last
-                    )
+                if rng.random() < rates[1] * raised:
+                    first, last = _random_interval(n, rng)
+                    kind = int(rng.random() * 3)
+                    costs[child] += _mutate(data, from_points, closed, people[child], kind, first, last)
         if generation % EXACT_AGAIN == 0:
             for i in range(m):
                 costs[i] = _sum(data, from_points, closed, people[i])
         best[generation] = costs.min()
+
+
+@compiled
+def _sort_group(deal: Ints, begin: int, end: int, costs: Floats) -> None:
+    """By cost; of equals the later one, which is the younger, comes first: so the survivors drift among equals."""
+    for i in range(begin + 1, end):
+        member, hole = deal[i], i
+        while hole > begin and costs[deal[hole - 1]] > costs[member] - SAME * abs(costs[member]):
+            deal[hole] = deal[hole - 1]
+            hole -= 1
+        deal[hole] = member
+
+
+@compiled
+def _random_interval(n: int, rng: np.random.Generator) -> tuple[int, int]:
+    """First and last place of an interval of two genes or more."""
+    if rng.random() < 0.5:
+        further = int(math.exp(rng.random() * math.log(n)))
+    else:
+        further = 1 + int((1.0 - math.sqrt(rng.random())) * (n - 1))
+    further = min(further, n - 1)
+    first = int(rng.random() * (n - further))
+    return first, first + further

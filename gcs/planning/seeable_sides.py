@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from gcs.planning.free_space import FreeSpace
-    from gcs.planning.surface_samples import SurfaceSamples
+    from gcs.planning.surface_candidates import Targets
     from gcs.planning.visibility import SightLines
 
 TRIES = 4
@@ -70,8 +70,18 @@ class SeeableSides:
     seen: NDArray[np.int64]
 
 
+def joined(first: SeeableSides, second: SeeableSides) -> SeeableSides:
+    """Two findings as one; `which` counts only within each."""
+    return SeeableSides(
+        np.concatenate([first.which, second.which]),
+        np.concatenate([first.times, second.times]),
+        np.concatenate([first.places, second.places]),
+        np.concatenate([first.seen, second.seen + len(first.which)]),
+    )
+
+
 def find_seeable(
-    sides: SurfaceSamples,
+    sides: Targets,
     nearest_m: float,
     furthest_m: float,
     limits: PictureLimits,
@@ -94,8 +104,6 @@ def find_seeable(
         rng: the source of randomness.
         poll: told the share that is done; may raise.
     """
-    points = (sides.points_m - sight.middle_m).astype(np.float32)
-    normals = sides.normals.astype(np.float32)
     times = np.zeros(len(sides), dtype=np.int64)
     found = np.zeros(len(sides), dtype=np.bool_)
     places: list[NDArray[np.float32]] = []
@@ -113,7 +121,7 @@ def find_seeable(
         draws = rng.random((len(todo), 3), dtype=np.float32)
         tilt = 0.0 if round_ == 0 else steepest
         tries = _Tries(tilt, round_ % 2 == 0, nearest_m, furthest_m)
-        look = partial(_look, points, normals, todo, draws, tries, limits, cells, low, space.pitch_m, sight)
+        look = partial(_look, sides.points, sides.normals, todo, draws, tries, limits, cells, low, space.pitch_m, sight)
         got = in_threads(look, range(0, len(todo), SIDES_AT_A_TIME), partial(_tell, poll, round_, rounds))
         which = np.concatenate([g[0] for g in got])
         where = np.concatenate([g[1] for g in got])

@@ -8,7 +8,7 @@ import numpy as np
 
 from gcs.planning.compiled import compiled
 from gcs.planning.open_sky import OpenSky, covered_length
-from gcs.planning.room import RoomModel, segment_free
+from gcs.planning.room import RoomModel, room_at, segment_free
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -22,6 +22,13 @@ WORTHWHILE = 1e-3
 BISECTIONS = 7
 LEAST_SAVING_M = 0.05
 """What one more corner has to save."""
+
+TOUCHING_M = 0.1
+"""A leg with less room than this to spare touches something."""
+
+TOUCHING_STEP_M = 1e-3
+LEAST_SLIDE_M = 1e-3
+LEAST_SINE = 0.05
 
 COVER_ROUNDING_M = 1e-6
 NEITHER = -1
@@ -185,8 +192,67 @@ def _tighten(path: Floats, model: RoomModel, sky: OpenSky, keep: bool) -> tuple[
         path[i] = _moved(a, path[i], c, inwards, NEITHER, model, sky, keep)
         path[i] = _moved(a, path[i], c, a, 0, model, sky, keep)
         path[i] = _moved(a, path[i], c, c, 1, model, sky, keep)
+        aside = _slide(a, path[i], c, model)
+        if _distance(a, aside) + _distance(aside, c) < _distance(a, path[i]) + _distance(path[i], c) - LEAST_SLIDE_M:
+            path[i] = _moved(a, path[i], c, aside, NEITHER, model, sky, keep)
         gained += before - _distance(a, path[i]) - _distance(path[i], c)
     return gained, length
+
+
+@compiled
+def _slide(a: Floats, b: Floats, c: Floats, model: RoomModel) -> Floats:
+    """The best place for the corner `b` between `a` and `c` along the surfaces that its legs touch.
+
+    A taut corner cannot move inwards, but where the legs may slide along what they touch (up a mast, along a beam) the
+    line of that slide, perpendicular to the surfaces' normals, is as good as unfolded: on it the best place is where
+    the two legs make a straight.
+    """
+    towards = (a - b) / max(_distance(a, b), 1e-9) + (c - b) / max(_distance(b, c), 1e-9)
+    off = np.zeros(3)
+    first, second = _touched(a, b, model), _touched(b, c, model)
+    for normal in (first, second):
+        off += TOUCHING_STEP_M * normal
+    second = second - np.dot(second, first) * first
+    size = np.sqrt(np.dot(second, second))
+    if size > LEAST_SINE:
+        second /= size
+    else:
+        second[:] = 0.0
+    towards = towards - np.dot(towards, first) * first
+    towards -= np.dot(towards, second) * second
+    size = np.sqrt(np.dot(towards, towards))
+    if size < 1e-6:
+        return b
+    towards /= size
+    ahead, behind = np.dot(a - b, towards), np.dot(c - b, towards)
+    aside, beside = _distance(a, b + ahead * towards), _distance(c, b + behind * towards)
+    if aside + beside < 1e-9:
+        return b
+    return b + (ahead * beside + behind * aside) / (aside + beside) * towards + off
+
+
+@compiled
+def _touched(a: Floats, b: Floats, model: RoomModel) -> Floats:
+    """Unit normal (3,) of what a free leg comes nearest to, away from it; zeros where it touches nothing."""
+    length = _distance(a, b)
+    at, least, nearest = 0.0, np.inf, 0.0
+    while True:
+        room = room_at(a + (b - a) * (at / max(length, 1e-9)), model)
+        if room < least:
+            least, nearest = room, at
+        if at >= length:
+            break
+        at = min(at + max(room, model.tolerance), length)
+    normal = np.zeros(3)
+    if least > model.tolerance + TOUCHING_M:
+        return normal
+    point = a + (b - a) * (nearest / max(length, 1e-9))
+    for k in range(3):
+        offset = np.zeros(3)
+        offset[k] = TOUCHING_STEP_M
+        normal[k] = room_at(point + offset, model) - room_at(point - offset, model)
+    size = np.sqrt(np.dot(normal, normal))
+    return normal / size if size > 0.0 else normal
 
 
 @compiled

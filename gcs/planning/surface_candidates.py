@@ -63,6 +63,15 @@ class Targets:
         points = (sides.points_m - middle_m).astype(np.float32)
         return Targets(points, sides.normals.astype(np.float32), np.ones(len(sides), dtype=np.bool_))
 
+    @staticmethod
+    def joined(first: Targets, second: Targets) -> Targets:
+        """Two sets of targets as one."""
+        return Targets(
+            np.concatenate([first.points, second.points]),
+            np.concatenate([first.normals, second.normals]),
+            np.concatenate([first.tolerant, second.tolerant]),
+        )
+
 
 @dataclass(frozen=True, eq=False)
 class CandidateViews:

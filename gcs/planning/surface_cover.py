@@ -58,10 +58,10 @@ AS_GOOD = 0.9
 AIMED_PLACES = 4
 """Places that are tried for a target that no candidate shows."""
 
-ROUNDS = 4
+ROUNDS = 3
 """How often a choice is judged on all sides, and refined with those that it misses among the targets."""
 
-FIRST_WORK, MOVE_WORK, ROUND_WORK = 8e7, 8e7, 4e7
+FIRST_WORK, MOVE_WORK, ROUND_WORK = 8e7, 8e7, 6e7
 """Updates of a gain in each search for a smaller cover: at first, with the moved views, and in a round."""
 
 UNDER_COVER = 0.95
@@ -112,6 +112,8 @@ class SurfaceCover:
         self._rng = rng
         self._progress = progress
         self._spare = int((1 - COVERED_SHARE) * len(sides))
+        self._all, self._all_weights = self._representatives()
+        self._mixed = rng.permutation(len(self._all))
         self._begun, self._ended = 0.0, 0.0
         self._which = np.zeros(0, dtype=np.int64)
         self._weights = np.zeros(0, dtype=np.int64)
@@ -119,26 +121,30 @@ class SurfaceCover:
         self._preference = np.zeros(0)
         self.views = nothing()
 
-    def solve(self) -> CoverProblem:
+    def views_about(self) -> int:
+        """About how many views it takes, by a small search."""
+        self._stage(0.3, 0.35)
+        few = np.sort(self._mixed[: math.ceil(PILOT_SHARE * len(self._mixed))])
+        self._begin(few)
+        self._look(self._places(PILOT_PLACES), AIMS)
+        return len(self._completed(NONE, PILOT_SHARE * self._spare))
+
+    def solve(self, views: int) -> CoverProblem:
         """Find candidates and choose among them.
+
+        Args:
+            views: about how many it will take.
 
         Returns:
             The cover of the targets; its candidates are `views`.
         """
-        which, weights = self._representatives()
-        mixed = self._rng.permutation(len(which))
-        few, some = (np.sort(mixed[: math.ceil(s * len(which))]) for s in (PILOT_SHARE, SEARCH_SHARE))
-        self._stage(0.3, 0.35)
-        self._begin(which[few], weights[few])
-        self._look(self._places(PILOT_PLACES), AIMS)
-        views = len(self._completed(NONE, PILOT_SHARE * self._spare))
-
         self._stage(0.35, 0.6)
-        self._begin(which[some], weights[some])
+        some = math.ceil(SEARCH_SHARE * len(self._mixed))
+        self._begin(np.sort(self._mixed[:some]))
         self._look(self._places(int(np.clip(PLACES_PER_VIEW * views, FEWEST_PLACES, MOST_PLACES))), AIMS)
         self._keep(self._layers(SEARCH_SHARE * self._spare))
-        others = np.sort(mixed[len(some) :])
-        self._add_targets(which[others], weights[others])
+        others = np.sort(self._mixed[some:])
+        self._add_targets(self._all[others], self._all_weights[others])
         self._show_the_rest()
         self._stage(0.6, 0.8)
         chosen = self._refined(self._completed(NONE), FIRST_WORK)
@@ -164,8 +170,10 @@ class SurfaceCover:
         order = np.argsort(np.concatenate(which), kind="stable")
         return np.concatenate(which)[order], np.concatenate(weights)[order]
 
-    def _begin(self, which: NDArray[np.int64], weights: NDArray[np.int64]) -> None:
-        self._which, self._weights, self._targets = which, weights, self._sides[which]
+    def _begin(self, numbers: NDArray[np.int64]) -> None:
+        """Take some of the representatives as targets, and no candidates."""
+        self._which, self._weights = self._all[numbers], self._all_weights[numbers]
+        self._targets = self._sides[self._which]
         self._preference = np.zeros(0)
         self.views = nothing()
 

@@ -57,6 +57,14 @@ class TourCosts:
         order = np.asarray(order, dtype=np.int64)
         return float(_cost_of_order(self.data, self.from_points, order, closed))
 
+    def matrix(self) -> NDArray[np.float64]:
+        """Costs of all pairs, shape (n, n)."""
+        if not self.from_points:
+            return self.data
+        points, weight = self.data[:, :3], self.data[:, 3]
+        apart = np.linalg.norm(points[:, None] - points[None], axis=-1)
+        return np.asarray(apart * weight[:, None] * weight[None])
+
     def nearest(self, count: int, nodes: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
         """The cheapest others of each of some nodes, among the same.
 

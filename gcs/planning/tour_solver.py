@@ -55,7 +55,7 @@ def solve_tour(
     if n <= 3:
         return np.arange(n, dtype=np.int64)
     if n <= MOST_EXACT:
-        return from_node_zero(_exact(_matrix(costs)))
+        return from_node_zero(_exact(costs.matrix()))
     order = greedy_tour(costs) if start is None else np.asarray(start, dtype=np.int64)
     candidates = best_candidates(candidate_graph(costs, order), poll=poll)
     search = LocalSearch(costs, candidates, order, np.random.default_rng(seed))
@@ -139,14 +139,6 @@ def from_node_zero(order: NDArray[np.int64]) -> NDArray[np.int64]:
     """The same closed tour from node 0 on, in the direction with the smaller second node."""
     order = np.roll(order, -int(np.flatnonzero(order == 0)[0]))
     return order if len(order) < 3 or order[1] <= order[-1] else np.concatenate([order[:1], order[:0:-1]])
-
-
-def _matrix(costs: TourCosts) -> NDArray[np.float64]:
-    if not costs.from_points:
-        return costs.data
-    points, weight = costs.data[:, :3], costs.data[:, 3]
-    apart = np.linalg.norm(points[:, None] - points[None], axis=-1)
-    return np.asarray(apart * weight[:, None] * weight[None])
 
 
 @compiled

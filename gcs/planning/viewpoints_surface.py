@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -11,8 +12,8 @@ from gcs.core.errors import InfeasibleError
 from gcs.planning.cover_problem import CoverProblem
 from gcs.planning.picture_kernels import PictureLimits
 from gcs.planning.picture_limits import distance_for, nearest_place, nearest_sharp_m
-from gcs.planning.seeable_sides import find_seeable
-from gcs.planning.surface_candidates import STAGE, CandidateViews, Targets, ViewSearch
+from gcs.planning.seeable_sides import SeeableSides, find_seeable, joined
+from gcs.planning.surface_candidates import STAGE, CandidateViews, Targets, ViewSearch, nothing
 from gcs.planning.surface_cover import SurfaceCover
 from gcs.planning.surface_samples import in_spatial_order, sample_surface
 from gcs.planning.viewpoint_pose import gimbal_pitch_range_rad, pose_towards
@@ -30,8 +31,14 @@ if TYPE_CHECKING:
     from gcs.planning.viewpoint_pose import ViewpointPose
     from gcs.planning.visibility import SightLines
 
-SAMPLES = 100_000
+SAMPLES, MOST_SAMPLES = 100_000, 400_000
 """Points of the surface; both sides of each are looked at."""
+
+SIDES_PER_VIEW = 500
+"""There are more points when fewer seeable sides than this come to a view: what lies between would be missed."""
+
+LEAST_MORE = 0.2
+"""Share of the points that is worth adding."""
 
 STRICTER = 1e-5
 """Added to the cosine of the incidence: pictures are judged in single precision here, and in double afterwards."""
@@ -77,42 +84,50 @@ def find_surface_viewpoints(
     furthest = distance_for(camera, task.gsd_mm, nearest, furthest_m, "inspection.surface.gsd_mm")
     limits = _limits(scenario, task, furthest, nearest.distance_m)
     rng = np.random.default_rng(scenario.planner.seed)
-    sides = in_spatial_order(sample_surface(structure, SAMPLES, rng, task.regions))
     search = ViewSearch(limits, sight)
-    left = np.ones(len(sides), dtype=np.bool_)
-    if earlier:
-        views = _views_of(earlier, scenario, sight.middle_m)
-        whole = ViewSearch(limits._replace(core=1.0, error=0.0, depth_error=0.0), sight)
-        _, members = whole.shown(views, Targets.of(sides, sight.middle_m), lambda s: progress.report(STAGE, 0.1 * s))
-        left[members] = False
-    sides = sides[left]
-    seeable = find_seeable(
-        sides,
-        1.01 * scenario.centre_clearance_m,
-        0.99 * furthest,
-        limits,
-        space,
-        sight,
-        rng,
-        lambda share: progress.report(STAGE, 0.1 + 0.2 * share),
-    )
-    if not len(seeable.which):
-        if not left.all():
+    nearest_m, furthest_place_m = 1.01 * scenario.centre_clearance_m, 0.99 * furthest
+    views = _views_of(earlier, scenario, sight.middle_m)
+    whole = ViewSearch(limits._replace(core=1.0, error=0.0, depth_error=0.0), sight)
+
+    def sampled(points: int, begun: float, ended: float) -> tuple[Targets, SeeableSides, int]:
+        """Sides that are seeable but not by the earlier views, how they are seen, and how many are by earlier ones."""
+        sides = Targets.of(in_spatial_order(sample_surface(structure, points, rng, task.regions)), sight.middle_m)
+        tell = partial(_tell, progress, begun, ended)
+        left = np.ones(len(sides), dtype=np.bool_)
+        left[whole.shown(views, sides, tell)[1]] = False
+        sides = sides[np.flatnonzero(left)]
+        seeable = find_seeable(sides, nearest_m, furthest_place_m, limits, space, sight, rng, tell)
+        return sides[seeable.which], seeable, int(np.count_nonzero(~left))
+
+    targets, seeable, seen = sampled(SAMPLES, 0.1, 0.3)
+    if not len(targets):
+        if seen:
             return [], CoverProblem.empty()
         raise InfeasibleError(
             "no free place sees any of the surface at the asked GSD and incidence: allow a coarser GSD, more incidence "
             "or a smaller clearance",
             field="inspection.surface",
         )
-    targets = Targets.of(sides[seeable.which], sight.middle_m)
     cover = SurfaceCover(targets, seeable, search, space, sight.middle_m, furthest, rng, progress)
-    problem = cover.solve()
+    about = cover.views_about()
+    more = min(SIDES_PER_VIEW * about / len(targets), MOST_SAMPLES / SAMPLES) - 1
+    if more > LEAST_MORE:
+        extra, also_seeable, _ = sampled(math.ceil(more * SAMPLES), 0.35, 0.5)
+        both = joined(seeable, also_seeable)
+        cover = SurfaceCover(
+            Targets.joined(targets, extra), both, search, space, sight.middle_m, furthest, rng, progress
+        )
+    problem = cover.solve(about)
     chosen = cover.views[problem.chosen]
     poses = [
         pose_towards(f"S{n + 1:04d}", place.astype(np.float64) + sight.middle_m, axes[6:9], camera.gsd_at(focus))
         for n, (place, axes, focus) in enumerate(zip(chosen.places, chosen.axes, chosen.focus_m, strict=True))
     ]
     return poses, problem
+
+
+def _tell(progress: Progress, begun: float, ended: float, share: float) -> None:
+    progress.report(STAGE, begun + share * (ended - begun))
 
 
 def _limits(scenario: Scenario, task: SurfaceTask, furthest_m: float, nearest_m: float) -> PictureLimits:
@@ -138,10 +153,11 @@ def _limits(scenario: Scenario, task: SurfaceTask, furthest_m: float, nearest_m:
 
 def _views_of(poses: Sequence[ViewpointPose], scenario: Scenario, middle_m: NDArray[np.float64]) -> CandidateViews:
     """Poses as candidates that show nothing yet."""
-    axes = np.array([np.concatenate([np.cross(p.direction, p.up), p.up, p.direction]) for p in poses])
+    if not poses:
+        return nothing()
     return CandidateViews(
         (np.array([p.position_m for p in poses]) - middle_m).astype(np.float32),
-        axes,
+        np.array([np.concatenate([np.cross(p.direction, p.up), p.up, p.direction]) for p in poses]),
         np.array([scenario.camera.distance_for_gsd(p.gsd_m) for p in poses]),
         np.zeros(len(poses) + 1, dtype=np.int64),
         np.zeros(0, dtype=np.int32),

@@ -49,7 +49,7 @@ def test_the_two_solvers_agree():
 
 def test_the_order_starts_at_node_0_in_a_fixed_direction():
     costs = random_costs(60, 1)
-    order = solve_closed_tour(costs, 0.05)
+    order = solve_closed_tour(costs)
     assert order[0] == 0
     assert order[1] < order[-1]
 
