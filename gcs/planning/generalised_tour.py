@@ -1,10 +1,10 @@
 """The generalised tour: each target has several candidate viewpoints, and the tour visits one of each.
 
-Order and choice are found in turns and together. In turns: the tour solver orders the chosen viewpoints, dynamic programming
-along the order makes the best choice of all, and so on until nothing changes. Together: near targets are taken out of
-the tour and put back one by one, each with the viewpoint and at the place that cost least, which is kept when it is
-better, or at first not much worse (S. Smith, F. Imeson, Computers & Operations Research 87, 2017; places are left out by
-chance as by J. Christiaens, G. Vanden Berghe, Transportation Science 54, 2020).
+Order and choice are found in turns and together. In turns: the tour solver orders the chosen viewpoints, dynamic
+programming along the order makes the best choice of all, and so on until nothing changes. Together: near targets are
+taken out of the tour and put back one by one, each with the viewpoint and at the place that cost least, which is kept
+when it is better, or at first not much worse (S. Smith, F. Imeson, Computers & Operations Research 87, 2017; places
+are left out by chance as by J. Christiaens, G. Vanden Berghe, Transportation Science 54, 2020).
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ NEAR = 24
 """Targets next to which one is put back."""
 
 MOST_OUT = 12
-ROUNDS_PER_TARGET = 60
+ROUNDS_PER_TARGET = 100
 LEAST_ROUNDS = 2000
 ROUNDS_AT_ONCE = 2000
 WARMTH = 0.1
@@ -40,6 +40,9 @@ LEFT_OUT = 0.02
 
 MOST_TURNS = 20
 BETTER = 1e-9
+FEWEST = 4
+"""Targets up to which order and choice are not looked for together."""
+
 QUICK = 0.2
 """Effort of the tours that only begin."""
 
@@ -69,8 +72,8 @@ def generalised_tour(
 
     Args:
         points: candidates in a space where distance is cost, shape (n, 3).
-        targets: which target each is for, numbers 0 ... m - 1, shape (n,). A place that must be visited is a target with
-            one candidate.
+        targets: which target each is for, numbers 0 ... m - 1, shape (n,). A place that must be visited is a target
+            with one candidate.
         seed: of the random numbers.
         effort: search in multiples of what the number of targets asks for by itself.
         poll: called now and then; may raise.
@@ -87,9 +90,11 @@ def generalised_tour(
     by_target = np.argsort(owner, kind="stable")
     start = np.concatenate([[0], np.cumsum(count)])
     sorted_points = where[by_target]
-    tour = _in_turns(sorted_points, start, _first_choice(sorted_points, owner[by_target], start), seed, poll, effort=QUICK)
-    if m > 4:
-        tour = _together(sorted_points, start, tour, round(effort * max(ROUNDS_PER_TARGET * m, LEAST_ROUNDS)), seed, poll)
+    tour = _first_choice(sorted_points, owner[by_target], start)
+    tour = _in_turns(sorted_points, start, tour, seed, poll, effort=QUICK)
+    if m > FEWEST:
+        rounds = round(effort * max(ROUNDS_PER_TARGET * m, LEAST_ROUNDS))
+        tour = _together(sorted_points, start, tour, rounds, seed, poll)
         tour = _in_turns(sorted_points, start, tour, seed, poll, ordered=True)
     return GeneralisedTour(by_target[tour], TourCosts.of_points(sorted_points).of_tour(tour))
 
@@ -139,7 +144,7 @@ def _first_choice(points: NDArray[np.float64], owner: NDArray[np.int64], start: 
     from scipy.spatial import KDTree
 
     centres = np.add.reduceat(points, start[:-1]) / np.diff(start)[:, None]
-    _, near = KDTree(centres).query(centres, min(4, m))
+    near = np.asarray(KDTree(centres).query(centres, min(4, m))[1])
     towards = centres[near[:, 1:]].mean(axis=1)
     off = np.linalg.norm(points - towards[owner], axis=1)
     return np.array([start[t] + int(np.argmin(off[start[t] : start[t + 1]])) for t in range(m)])
@@ -183,7 +188,7 @@ def _together(
     m = len(tour)
     owner = np.repeat(np.arange(m), np.diff(start))
     centres = np.add.reduceat(points, start[:-1]) / np.diff(start)[:, None]
-    _, near = KDTree(centres).query(centres, min(NEAR + 1, m))
+    near = np.asarray(KDTree(centres).query(centres, min(NEAR + 1, m))[1], dtype=np.int64)
     rng = np.random.default_rng(seed)
     targets = owner[tour]
     chosen, after, before = (np.empty(m, dtype=np.int64) for _ in range(3))
@@ -195,9 +200,7 @@ def _together(
         if poll:
             poll()
         end = min(begin + ROUNDS_AT_ONCE, rounds)
-        excess = _put_back(
-            points, start, near.astype(np.int64), chosen, after, before, *best, excess, warmth, rng, begin, end, rounds
-        )
+        excess = _put_back(points, start, near, chosen, after, before, *best, excess, warmth, rng, begin, end, rounds)
     return best[0][_walk(best[1])]
 
 

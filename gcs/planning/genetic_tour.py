@@ -1,16 +1,16 @@
-"""The tower paper's genetic algorithm for tours, with crossover and mutation rates that follow the population's entropy.
+"""The tower paper's genetic algorithm for tours: crossover and mutation rates follow the population's entropy.
 
-A chromosome is an order of the nodes, its fitness 1 / W with W the cost of the tour. The population is divided into groups.
-In every generation the best 30 % of each group survive (of equals the younger); the others of the group are replaced by
-children of a survivor: at the crossover rate a segment of the next group's best is set into it, round which the other genes
-keep their order; at the mutation rate one of three mutations follows (an interval reversed, two genes swapped, an interval
-shifted round by one). Where the population's entropy is below a threshold, the rates are raised. As segments go from group
-to group, a group that found something else keeps it for a while: with many small groups the tour's large shape, which no
-single mutation changes any more in the end, is chosen from many.
+A chromosome is an order of the nodes, its fitness 1 / W with W the cost of the tour. The population is divided into
+groups. In every generation the best 30 % of each group survive (of equals the younger); the others of the group are
+replaced by children of a survivor: at the crossover rate a segment of the next group's best is set into it, round
+which the other genes keep their order; at the mutation rate one of three mutations follows (an interval reversed, two
+genes swapped, an interval shifted round by one). Where the population's entropy is below a threshold, the rates are
+raised. As segments go from group to group, a group that found something else keeps it for a while: with many small
+groups the tour's large shape, which no single mutation changes any more in the end, is chosen from many.
 
-Source: W. Xu et al., "Obstacle avoidance path planning of a rotor UAV for the inspection of cable-stayed bridge towers",
-equations 2 to 9. The exponent of the threshold is taken per share of the run (the printed one lacks the division by the
-number of generations); the entropy that is compared is the mean over the genes.
+Source: W. Xu et al., "Trajectory planning of rotor UAV for inspection of cable-stayed bridge tower", 2019, equations
+2 to 9. The exponent of the threshold is taken per share of the run (the printed one lacks the division by the number
+of generations); the entropy that is compared is the mean over the genes.
 """
 
 from __future__ import annotations

@@ -7,6 +7,14 @@ length) a path from a cell `n` to a goal `g` either stays under cover or leaves 
     h(n) = min(penalty o, o + (penalty - 1) (w(n) + w(g)))
 
 never overestimates; it is what keeps searches under a roof small.
+
+Of the many equally short ways over free cells one is enough. From a cell whose 26 neighbours are all allowed and
+equally dear, only *natural* moves are made: those that go along no axis other than the last move did, or that one
+backwards (the pruning of D. Harabor and A. Grastien, AAAI 2011, in three dimensions, without their jumps). Any other
+next cell is reached from the one before as soon, or by a way of the same length with a shorter last move. So among
+the best predecessors of a cell the one with the shortest last move never leaves it out, and by induction every cell
+is reached at its least cost. For that, a settled cell that is reached at less cost is opened again, as happens with a
+weight above 1, and lengths are multiples of `QUANTUM`, so that sums of the same moves in any order are equal.
 """
 
 from __future__ import annotations
@@ -32,10 +40,14 @@ CELLS_BETWEEN_POLLS = 200_000
 _ANY_GOAL = np.empty((0, 0, 0), dtype=np.bool_)
 
 QUANTUM = 2.0**-24
+"""Unit of the moves' lengths (pitches); costs are exact multiples of it."""
+
 ROOT_2 = round(math.sqrt(2.0) / QUANTUM) * QUANTUM
 ROOT_3 = round(math.sqrt(3.0) / QUANTUM) * QUANTUM
 
 NO_MOVE = 13
+"""Moves are numbered 0 to 26: `9 (dx + 1) + 3 (dy + 1) + dz + 1`."""
+
 EVERY_CELL = 2**27 - 1
 
 Ints = np.ndarray[tuple[int, ...], np.dtype[np.int64]]
@@ -52,7 +64,7 @@ def _steps() -> NDArray[np.int64]:
 
 
 def _natural_moves() -> NDArray[np.int64]:
-    """Moves after a move, shape (27, 27), ended by -1: those that go no other way along any axis."""
+    """Natural moves after each move, shape (27, 27), ended by -1; all of them after none."""
     natural = np.full((27, 27), -1, dtype=np.int64)
     for move, step in enumerate(_steps()):
         ways = ((_steps() == step) | (_steps() == 0)).all(axis=1) if move != NO_MOVE else np.ones(27, dtype=np.bool_)
@@ -214,12 +226,12 @@ def _allowed_about(allowed: Marks, x: int, y: int, z: int) -> int:
         for i in range(3):
             for j in range(3):
                 for k in range(3):
-                    bits |= np.int64(allowed[x + i - 1, y + j - 1, z + k - 1]) << (9 * i + 3 * j + k)
+                    bits |= int(allowed[x + i - 1, y + j - 1, z + k - 1]) << (9 * i + 3 * j + k)
         return bits
     for i in range(max(1 - x, 0), min(allowed.shape[0] - x + 1, 3)):
         for j in range(max(1 - y, 0), min(allowed.shape[1] - y + 1, 3)):
             for k in range(max(1 - z, 0), min(allowed.shape[2] - z + 1, 3)):
-                bits |= np.int64(allowed[x + i - 1, y + j - 1, z + k - 1]) << (9 * i + 3 * j + k)
+                bits |= int(allowed[x + i - 1, y + j - 1, z + k - 1]) << (9 * i + 3 * j + k)
     return bits
 
 
@@ -243,6 +255,7 @@ def _expand(
 ) -> tuple[Floats, Ints, int, int, int]:
     """Settle up to `most` cells, or until the goal is settled, on a heap of `size` keys and nodes.
 
+    A stamp of `known` or more is of this search: the cell's cost is known, or it is settled besides (`known + 1`).
     With marks in `wanted` any of those cells is the goal.
 
     Returns:
@@ -302,6 +315,7 @@ def _expand(
 
 @compiled
 def _same_cover(cover: SingleFloats, x: int, y: int, z: int) -> bool:
+    """Whether a cell inside the grid and its 26 neighbours are all under cover, or none of them is."""
     covered = cover[x, y, z] >= 0.0
     for i in range(-1, 2):
         for j in range(-1, 2):

@@ -1,16 +1,17 @@
-"""Local search for tours: sequential exchanges of up to five edges, and kicks that are taken back when they do not help.
+"""Local search for tours: sequential exchanges of up to five edges, and kicks that are taken back if they do not help.
 
-An exchange removes edges and adds as many: from a node t1 the tour's edge (t1, t2) goes, t2 is joined to a candidate c, one
-of c's two edges goes, its other end is joined to a candidate, and so on while the sum of what was removed less what was
-added stays positive; it is done as soon as closing it at t1 gains and gives one tour (S. Lin, B. Kernighan, Operations
-Research 21, 1973; sequential basis moves as by K. Helsgaun, Math. Programming Computation 1, 2009). Nothing is moved while
-searching: whether an exchange gives one tour depends only on the order of its cuts along the tour and on which side of
-each was chosen, and is looked up. Nodes wait in a queue for their turn; those at the ends of changed edges come again.
+An exchange removes edges and adds as many: from a node t1 the tour's edge (t1, t2) goes, t2 is joined to a candidate
+c, one of c's two edges goes, its other end is joined to a candidate, and so on while the sum of what was removed less
+what was added stays positive; it is done as soon as closing it at t1 gains and gives one tour (S. Lin, B. Kernighan,
+Operations Research 21, 1973; sequential basis moves as by K. Helsgaun, Math. Programming Computation 1, 2009).
+Nothing is moved while searching: whether an exchange gives one tour depends only on the order of its cuts along the
+tour and on which side of each was chosen, and is looked up. Nodes wait in a queue for their turn; those at the ends
+of changed edges come again.
 
-A kick exchanges four edges near a random node in the one way that no sequence of such steps finds (O. Martin, S. Otto,
-E. Felten, Complex Systems 5, 1991); the nodes are found by random walks over the candidates (D. Applegate et al.,
-INFORMS J. on Computing 15, 2003). What became worse is taken back from a journal, but for a little more that is accepted
-with a chance that falls to nothing.
+A kick exchanges four edges near a random node in the one way that no sequence of such steps finds (O. Martin, S.
+Otto, E. Felten, Complex Systems 5, 1991); the nodes are found by random walks over the candidates (D. Applegate et
+al., INFORMS J. on Computing 15, 2003). What became worse is taken back from a journal, but for a little more that is
+accepted with a chance that falls to nothing.
 """
 
 from __future__ import annotations
@@ -21,6 +22,22 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from gcs.planning.compiled import compiled
+from gcs.planning.edge_exchange import (
+    CODE,
+    CUT,
+    END,
+    GONE_ON,
+    LINK,
+    ROW,
+    SCRATCH,
+    SIDE,
+    TRIED,
+    Nodes,
+    closing_table,
+    exchange_edges,
+    link_ends,
+    write_nodes,
+)
 from gcs.planning.tour_costs import Floats, Ints, TourCosts, pair_cost
 
 if TYPE_CHECKING:
@@ -28,12 +45,9 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-Nodes = np.ndarray[tuple[int, ...], np.dtype[np.uint32]]
-
 BREADTH = (5, 5, 3, 2)
 """How many partial exchanges of one edge, two edges, ... are looked into further at each node."""
 
-MOST_EDGES = len(BREADTH) + 1
 WALK = 5
 """Steps between a kick's nodes."""
 
@@ -46,11 +60,6 @@ WARMTH = 0.1
 KICKS_AT_ONCE = 1000
 NOTHING = 1e-10
 """Gains below this share of the mean cost to the nearest candidate are rounding."""
-
-# rows of the scratch array: an exchange as it is built up, one column for each removed edge
-ROW = 16
-END, CUT, SIDE, TRIED, GONE_ON, CODE, LINK, BORDER = range(0, 8 * ROW, ROW)
-SCRATCH = 8 * ROW
 
 
 class _Search(NamedTuple):
@@ -95,7 +104,8 @@ class LocalSearch:
 
     Args:
         costs: between nodes.
-        candidates: nodes that are worth joining to each, nearest first, shape (n, k); rows may end with the node itself.
+        candidates: nodes that are worth joining to each, nearest first, shape (n, k); rows may end with the node
+            itself.
         order: the tour to begin with, shape (n,), n >= 8.
         rng: for the kicks.
     """
@@ -123,7 +133,7 @@ class LocalSearch:
             self._tour,
             self._position,
             np.array(BREADTH, dtype=np.int64),
-            *closing_table(),
+            *closing_table(len(BREADTH) + 1),
             np.zeros(SCRATCH, dtype=np.int64),
             np.zeros(ROW),
             np.empty(n, dtype=np.uint32),
@@ -146,7 +156,7 @@ class LocalSearch:
     @property
     def cost(self) -> float:
         """Cost of the closed tour."""
-        return self._costs.of_tour(self._tour)
+        return self._costs.of_tour(self.order)
 
     def kick(self, kicks: int, poll: Callable[[], None] | None = None, enough: float = -math.inf) -> None:
         """Kick and repair.
@@ -173,157 +183,6 @@ def _candidate_costs(data: Floats, from_points: bool, candidates: Nodes) -> Floa
             j = candidates[i, k]
             costs[i, k] = math.inf if j == i else pair_cost(data, from_points, i, j)
     return costs
-
-
-@compiled
-def closing_table() -> tuple[Ints, Ints]:
-    """Which exchanges give one tour.
-
-    Returns:
-        For k removed edges, `table[first[k] + code]` is 1 where the result is one tour. The code of an exchange has for
-        its second, third, ... edge the side that was chosen (1 where the far end of the removed edge is its second
-        node), then for each earlier one but the first whether the cut lies before it.
-    """
-    first = np.zeros(MOST_EDGES + 1, np.int64)
-    size, bits = 0, 0
-    for k in range(2, MOST_EDGES + 1):
-        bits += k - 1
-        first[k] = size
-        size += 1 << bits
-    table = np.zeros(size, np.int64)
-    s = np.zeros(SCRATCH, np.int64)
-    for k in range(2, MOST_EDGES + 1):
-        cuts = k - 1
-        for arrangement in range(cuts**cuts):
-            rest = arrangement
-            distinct = True
-            for i in range(1, k):
-                s[CUT + i] = rest % cuts
-                rest //= cuts
-                for j in range(1, i):
-                    distinct &= s[CUT + j] != s[CUT + i]
-            if not distinct:
-                continue
-            for sides in range(1 << cuts):
-                code, shift = 0, 0
-                for i in range(1, k):
-                    s[SIDE + i] = (sides >> (i - 1)) & 1
-                    code |= s[SIDE + i] << shift
-                    shift += 1
-                    for j in range(1, i):
-                        code |= int(s[CUT + i] < s[CUT + j]) << shift
-                        shift += 1
-                _link_ends(k, s)
-                table[first[k] + code] = int(_closes(k, s))
-    return table, first
-
-
-@compiled
-def _link_ends(k: int, s: Ints) -> None:
-    """Which ends of segments are joined by the added edges.
-
-    The k cuts leave k segments, numbered along the tour from t2 on, in the direction from t1 to t2; segment i has the
-    ends 2 i and 2 i + 1.
-    """
-    before = 0
-    for i in range(1, k):
-        segment = 0
-        for j in range(1, k):
-            segment += int(s[CUT + j] < s[CUT + i])
-        inner, outer = 2 * segment + 1, 2 * segment + 2
-        if s[SIDE + i] == 0:
-            inner, outer = outer, inner
-        s[LINK + before], s[LINK + inner] = inner, before
-        before = outer
-    last = 2 * k - 1
-    s[LINK + before], s[LINK + last] = last, before
-
-
-@compiled
-def _closes(k: int, s: Ints) -> bool:
-    end, visited = 0, 0
-    while True:
-        visited += 1
-        end = s[LINK + (end ^ 1)]
-        if end == 0 or visited > k:
-            return visited == k
-
-
-@compiled
-def _read(tour: Nodes, place: int, direction: int, count: int, to: Nodes, at: int) -> None:
-    """Copy nodes from a place on along the tour."""
-    n = len(tour)
-    while count > 0:
-        if direction > 0:
-            run = min(count, n - place)
-            for i in range(run):
-                to[np.uint64(at + i)] = tour[np.uint64(place + i)]
-            place = 0
-        else:
-            run = min(count, place + 1)
-            for i in range(run):
-                to[np.uint64(at + i)] = tour[np.uint64(place - i)]
-            place = n - 1
-        at += run
-        count -= run
-
-
-@compiled
-def _write(tour: Nodes, position: Nodes, place: int, direction: int, count: int, nodes: Nodes, at: int) -> None:
-    """Put nodes into the tour from a place on."""
-    n = len(tour)
-    while count > 0:
-        if direction > 0:
-            run = min(count, n - place)
-            for i in range(run):
-                node = nodes[np.uint64(at + i)]
-                tour[np.uint64(place + i)] = node
-                position[node] = place + i
-            place = 0
-        else:
-            run = min(count, place + 1)
-            for i in range(run):
-                node = nodes[np.uint64(at + i)]
-                tour[np.uint64(place - i)] = node
-                position[node] = place - i
-            place = n - 1
-        at += run
-        count -= run
-
-
-@compiled
-def _exchange(x: _Search, base: int, direction: int, k: int, done: int) -> None:
-    """Put the segments into their new order; the longest stays where it is, and what stood elsewhere is noted."""
-    s, n = x.exchange, len(x.tour)
-    for i in range(k - 1):
-        hole = i
-        while hole > 0 and s[BORDER + hole - 1] > s[CUT + i + 1]:
-            s[BORDER + hole] = s[BORDER + hole - 1]
-            hole -= 1
-        s[BORDER + hole] = s[CUT + i + 1]
-    s[BORDER + k - 1] = n - 1
-    longest, most = 0, s[BORDER] + 1
-    for i in range(1, k):
-        if s[BORDER + i] - s[BORDER + i - 1] > most:
-            longest, most = i, s[BORDER + i] - s[BORDER + i - 1]
-    count = 0
-    end = s[LINK + 2 * longest + 1]
-    while end >> 1 != longest:
-        segment = end >> 1
-        low = s[BORDER + segment - 1] + 1 if segment > 0 else 0
-        high = s[BORDER + segment]
-        if end & 1:
-            _read(x.tour, (base + direction * high) % n, -direction, high - low + 1, x.moved, count)
-        else:
-            _read(x.tour, (base + direction * low) % n, direction, high - low + 1, x.moved, count)
-        count += high - low + 1
-        end = s[LINK + (end ^ 1)]
-    place = (base + direction * (s[BORDER + longest] + 1)) % n
-    marks, used = x.marks, x.marks[done, 3]
-    marks[done, 0], marks[done, 1], marks[done, 2] = place, direction, count
-    marks[done + 1, 3] = used + count
-    _read(x.tour, place, direction, count, x.journal, used)
-    _write(x.tour, x.position, place, direction, count, x.moved, 0)
 
 
 @compiled
@@ -410,8 +269,8 @@ def _improve(
             s[CUT + level], s[SIDE + level] = cut, side
             s[END + 2 * level], s[END + 2 * level + 1] = c, node
             if gaining:
-                _link_ends(level + 1, s)
-                return closed, level + 1, base, direction
+                link_ends(level + 1, s)
+                return float(closed), level + 1, int(base), direction
             s[GONE_ON + level] += 1
             s[TRIED + level] = choice
             level += 1
@@ -468,7 +327,7 @@ def _repair(x: _Search, count: int, done: int, keep: bool) -> tuple[float, int]:
             )
             if k == 0:
                 break
-            _exchange(x, base, direction, k, done)
+            exchange_edges(s, k, base, direction, tour, position, x.moved, x.journal, marks, done)
             total += gain
             done += int(keep)
             for i in range(2 * k):
@@ -511,12 +370,12 @@ def _kick(x: _Search, rng: np.random.Generator, begin: int, end: int, kicks: int
                     x.waiting[i] = True
                     x.queue[count] = i
                     count += 1
-        _exchange(x, base, 1, 4, 0)
+        exchange_edges(s, 4, base, 1, tour, x.position, x.moved, x.journal, x.marks, 0)
         gain, done = _repair(x, count, 1, True)
         allowed = -warmth * (1.0 - turn / kicks) * math.log(1.0 - rng.random())
         if loss - gain > allowed + x.nothing:
             for i in range(done - 1, -1, -1):
-                _write(tour, x.position, x.marks[i, 0], x.marks[i, 1], x.marks[i, 2], x.journal, x.marks[i, 3])
+                write_nodes(tour, x.position, x.marks[i, 0], x.marks[i, 1], x.marks[i, 2], x.journal, x.marks[i, 3])
 
 
 @compiled

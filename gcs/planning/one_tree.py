@@ -1,9 +1,9 @@
 """Cheapest 1-trees with prices on the nodes, on a sparse graph and on the complete one.
 
-A 1-tree is a spanning tree over all nodes but node 0, and two edges at node 0. Every tour is one, so the cheapest 1-tree
-costs no more than the cheapest tour. With a price p_i on every node an edge costs `c_ij + p_i + p_j` and every tour
-2 sum(p) more, so that `cheapest 1-tree - 2 sum(p)` is a bound for any prices (M. Held, R. M. Karp, Math. Programming 1,
-1971). The prices are raised where the tree has more than two edges and lowered where it has one.
+A 1-tree is a spanning tree over all nodes but node 0, and two edges at node 0. Every tour is one, so the cheapest
+1-tree costs no more than the cheapest tour. With a price p_i on every node an edge costs `c_ij + p_i + p_j` and every
+tour 2 sum(p) more, so that `cheapest 1-tree - 2 sum(p)` is a bound for any prices (M. Held, R. M. Karp, Math.
+Programming 1, 1971). The prices are raised where the tree has more than two edges and lowered where it has one.
 """
 
 from __future__ import annotations

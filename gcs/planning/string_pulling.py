@@ -20,7 +20,7 @@ WORTHWHILE = 1e-3
 """Sweeps end when one shortens the path by less than this share."""
 
 BISECTIONS = 7
-LEAST_SAVING_M = 0.05
+LEAST_SAVING_M = 0.03
 """What one more corner has to save."""
 
 TOUCHING_M = 0.1
@@ -28,7 +28,10 @@ TOUCHING_M = 0.1
 
 TOUCHING_STEP_M = 1e-3
 LEAST_SLIDE_M = 1e-3
+"""What a slide has to save."""
+
 LEAST_SINE = 0.05
+"""Normals of two touched surfaces nearer to each other than this are one."""
 
 COVER_ROUNDING_M = 1e-6
 NEITHER = -1
@@ -87,6 +90,7 @@ def _free(a: Floats, b: Floats, model: RoomModel) -> bool:
 @compiled
 def _pull(path: Floats, model: RoomModel, sky: OpenSky, keep: bool) -> Floats:
     path = _settle(path, model, sky, keep)
+    path = _settle(_cut_corners(path, model, sky, keep), model, sky, keep)
     return _settle(_cut_corners(path, model, sky, keep), model, sky, keep)
 
 
@@ -208,10 +212,8 @@ def _slide(a: Floats, b: Floats, c: Floats, model: RoomModel) -> Floats:
     the two legs make a straight.
     """
     towards = (a - b) / max(_distance(a, b), 1e-9) + (c - b) / max(_distance(b, c), 1e-9)
-    off = np.zeros(3)
     first, second = _touched(a, b, model), _touched(b, c, model)
-    for normal in (first, second):
-        off += TOUCHING_STEP_M * normal
+    off = TOUCHING_STEP_M * (first + second)  # or rounding would hold it back
     second = second - np.dot(second, first) * first
     size = np.sqrt(np.dot(second, second))
     if size > LEAST_SINE:
@@ -228,7 +230,8 @@ def _slide(a: Floats, b: Floats, c: Floats, model: RoomModel) -> Floats:
     aside, beside = _distance(a, b + ahead * towards), _distance(c, b + behind * towards)
     if aside + beside < 1e-9:
         return b
-    return b + (ahead * beside + behind * aside) / (aside + beside) * towards + off
+    best: Floats = b + (ahead * beside + behind * aside) / (aside + beside) * towards + off
+    return best
 
 
 @compiled
@@ -252,7 +255,9 @@ def _touched(a: Floats, b: Floats, model: RoomModel) -> Floats:
         offset[k] = TOUCHING_STEP_M
         normal[k] = room_at(point + offset, model) - room_at(point - offset, model)
     size = np.sqrt(np.dot(normal, normal))
-    return normal / size if size > 0.0 else normal
+    if size > 0.0:
+        normal /= size
+    return normal
 
 
 @compiled

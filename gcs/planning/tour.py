@@ -8,18 +8,19 @@ all edges of the tour are searched ones.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from gcs.core.errors import InfeasibleError
 from gcs.core.progress import SilentProgress
+from gcs.planning.genetic_tour import genetic_tour
 from gcs.planning.grid_search import GridSearch
 from gcs.planning.path_search import find_path
-from gcs.planning.string_pulling import path_length
 from gcs.planning.tour_bound import tour_lower_bound
 from gcs.planning.tour_costs import TourCosts
-from gcs.planning.tour_solver import solve_closed_tour, tour_cost
+from gcs.planning.tour_metric import LegTime, tour_metric
+from gcs.planning.tour_solver import from_node_zero, solve_tour
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -29,19 +30,15 @@ if TYPE_CHECKING:
     from gcs.core.progress import Progress
     from gcs.core.scenario import PlannerOptions
     from gcs.planning.free_space import FreeSpace
+    from gcs.planning.tour_metric import TourMetric
+
+__all__ = ["LegTime", "Tour", "find_tour"]
 
 MOST_ROUNDS = 40
-HURRIED_EFFORT = 0.2
-FEW = 20
-"""Nodes up to which a whole effort costs nothing."""
+HURRIED = 0.1
+"""Effort of the solver while the matrix still changes."""
 
-
-class LegTime(Protocol):
-    """Time of legs from rest to rest."""
-
-    def __call__(self, length_m: NDArray[np.float64], /) -> NDArray[np.float64]:
-        """Times (s) of legs of the given lengths (m), any shape; grows with the length."""
-        ...
+BETTER = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,7 +51,7 @@ class Tour:
             last ends with the vertical column over home.
         cost: sum of the legs' costs in the metric.
         lower_bound: no order of the stops costs less, with legs as this search finds them.
-        metric: `length` (m) or `time` (s).
+        metric: `length` (m), `time` (s) or `energy`.
         searched: how many paths were searched.
     """
 
@@ -83,7 +80,7 @@ def find_tour(
         space: where the centre may be.
         home_m: where the tour starts and ends, shape (3,).
         stops_m: places to visit, shape (N, 3), N >= 1.
-        options: metric, and whether the given order is kept.
+        options: metric, method (the given order may be kept) and seed.
         leg_time: for the metric `time`.
         progress: told about the stage `tour`.
         names: of the stops, for messages.
@@ -97,73 +94,96 @@ def find_tour(
     if len(stops) == 0:
         raise InfeasibleError("there is nothing to visit: no viewpoint was found", field="inspection")
     _check_reachable(space, stops, names)
-    costs = _LegCosts(space, np.asarray(home_m, dtype=np.float64), stops, options, leg_time, progress, prefer_open_sky)
+    metric = tour_metric(options, leg_time)
+    legs = _LegCosts(space, np.asarray(home_m, dtype=np.float64), stops, metric, progress, prefer_open_sky)
     if options.tour == "given":
         nodes = np.arange(len(stops) + 1)
-        costs.search_edges(nodes, 0.0, 0.9)
+        legs.search_edges(nodes, 0.0, 0.9)
+    elif options.tour == "genetic":
+        nodes = _bred_tour(legs, options.seed)
     else:
-        nodes = _refined_tour(costs, options.seed)
-    cost = tour_cost(costs.matrix, nodes)
-    bound = tour_lower_bound(TourCosts.of_matrix(costs.matrix), nodes, lambda: progress.report("tour", 0.95))
-    legs = [costs.leg(int(a), int(b)) for a, b in zip(nodes, np.roll(nodes, -1), strict=True)]
+        nodes = _refined_tour(legs, options.seed)
+    cost = legs.costs.of_tour(nodes)
+    bound = tour_lower_bound(legs.costs, nodes, lambda: progress.report("tour", 0.95))
+    paths = [legs.leg(int(a), int(b)) for a, b in zip(nodes, np.roll(nodes, -1), strict=True)]
     progress.report("tour", 1.0)
-    # the ascent ends a rounding error above an optimum that it reaches
-    return Tour(nodes[1:] - 1, legs, cost, min(bound, cost), options.metric, len(costs.paths))
+    return Tour(nodes[1:] - 1, paths, cost, bound, metric.name, len(legs.paths))
 
 
-def _refined_tour(costs: _LegCosts, seed: int) -> NDArray[np.int64]:
-    """Solve and search in turns, with little effort until the solver has nothing better to offer."""
-    effort = 1.0 if costs.size <= FEW else HURRIED_EFFORT
-    best = solve_closed_tour(costs.matrix, seed=seed, effort=effort)
-    costs.search_edges(best, 0.0, 0.3)
-    for turn in range(1, MOST_ROUNDS):
-        nodes = solve_closed_tour(costs.matrix, seed=seed, effort=effort)
-        if tour_cost(costs.matrix, nodes) >= tour_cost(costs.matrix, best) * (1 - 1e-9):
-            if effort >= 1.0:
+def _refined_tour(legs: _LegCosts, seed: int) -> NDArray[np.int64]:
+    """Solve and search in turns, with little effort of the solver until it has nothing better to offer."""
+    costs, best, effort = legs.costs, None, 1.0
+    for turn in range(MOST_ROUNDS):
+        begin, end = (0.0, 0.3) if best is None else (0.9 - 0.6 * 0.7 ** (turn - 1), 0.9 - 0.6 * 0.7**turn)
+        nodes = solve_tour(
+            costs,
+            seed=seed,
+            effort=effort,
+            start=best,
+            poll=lambda begin=begin: legs.progress.report("tour", begin),  # type: ignore[misc]
+        )
+        if best is not None and costs.of_tour(nodes) >= costs.of_tour(best) * (1 - BETTER):
+            if effort == 1.0:
                 break
             effort = 1.0
             continue
-        costs.search_edges(nodes, 0.9 - 0.6 * 0.7 ** (turn - 1), 0.9 - 0.6 * 0.7**turn)
-        if tour_cost(costs.matrix, nodes) < tour_cost(costs.matrix, best):
+        legs.search_edges(nodes, begin, end)
+        if best is None or costs.of_tour(nodes) < costs.of_tour(best):
             best = nodes
-    return best
+        effort = HURRIED
+    return nodes if best is None else best
+
+
+def _bred_tour(legs: _LegCosts, seed: int) -> NDArray[np.int64]:
+    """Breed a tour over the straight lines, search its paths, and breed on from it until it stays."""
+    costs, best = legs.costs, None
+    for turn in range(MOST_ROUNDS):
+        begin, end = 1 - 0.7**turn, 1 - 0.7 ** (turn + 1)
+
+        def poll(share: float, begin: float = begin, end: float = end) -> None:
+            legs.progress.report("tour", 0.9 * (begin + 0.8 * share * (end - begin)))
+
+        nodes = from_node_zero(genetic_tour(costs, closed=True, seed=seed, start=best, poll=poll).order)
+        if best is not None and costs.of_tour(nodes) >= costs.of_tour(best) * (1 - BETTER):
+            break
+        legs.search_edges(nodes, 0.9 * (begin + 0.8 * (end - begin)), 0.9 * end)
+        if best is None or costs.of_tour(nodes) < costs.of_tour(best):
+            best = nodes
+    return nodes if best is None else best
 
 
 class _LegCosts:
-    """Costs between home (node 0) and the stops: lower bounds by straight lines until a path is searched."""
+    """Costs between home (node 0) and the stops: those of straight lines until a path is searched."""
 
     def __init__(
         self,
         space: FreeSpace,
         home: NDArray[np.float64],
         stops: NDArray[np.float64],
-        options: PlannerOptions,
-        leg_time: LegTime,
+        metric: TourMetric,
         progress: Progress,
         prefer_open_sky: bool,
     ) -> None:
         self._space = space
         self._points = np.concatenate([home[None], stops])
-        self._leg_time = leg_time if options.metric == "time" else None
-        self._progress = progress
+        self._metric = metric
+        self.progress = progress
         self._prefer_open_sky = prefer_open_sky
         self._grid = GridSearch(space.free_mask.shape)
-        self.size = len(self._points)
         self.paths: dict[tuple[int, int], NDArray[np.float64]] = {}
-        via = self._points.copy()
-        climb = np.zeros(len(via))
-        if space.in_home_column(home):
-            via[0] = space.take_off_m
-            climb[0] = space.take_off_m[2] - home[2]
-        apart = np.linalg.norm(via[:, None] - via[None], axis=-1)
-        self.matrix = self._cost(apart + climb[:, None] + climb[None])
-        np.fill_diagonal(self.matrix, 0.0)
+        in_column = space.in_home_column(home)
+        above = space.take_off_m if in_column else home
+        matrix = metric.of_steps(self._points[:, None] - self._points[None])
+        matrix[0, 1:] = matrix[1:, 0] = metric.of_steps(np.broadcast_to(above - home, stops.shape), stops - above)
+        np.fill_diagonal(matrix, 0.0)
+        self.costs = TourCosts.of_matrix(matrix)
 
     def search_edges(self, nodes: NDArray[np.int64], begin: float, end: float) -> None:
         """Search the paths of a closed tour's edges that are not known yet."""
+        matrix = self.costs.data
         for i, (a, b) in enumerate(zip(nodes, np.roll(nodes, -1), strict=True)):
             fraction = begin + (end - begin) * i / len(nodes)
-            self._progress.report("tour", fraction)
+            self.progress.report("tour", fraction)
             pair = (int(min(a, b)), int(max(a, b)))
             if pair in self.paths:
                 continue
@@ -173,19 +193,15 @@ class _LegCosts:
                 self._points[pair[1]],
                 self._prefer_open_sky,
                 grid=self._grid,
-                poll=lambda fraction=fraction: self._progress.report("tour", fraction),  # type: ignore[misc]
+                poll=lambda fraction=fraction: self.progress.report("tour", fraction),  # type: ignore[misc]
             )
             self.paths[pair] = path
             # never below the bound it replaces, or rounding would make the tours flicker
-            cost = max(float(self._cost(np.array(path_length(path)))), float(self.matrix[pair]))
-            self.matrix[pair] = self.matrix[pair[::-1]] = cost
+            matrix[pair] = matrix[pair[::-1]] = max(self._metric.of_path(path), float(matrix[pair]))
 
     def leg(self, a: int, b: int) -> NDArray[np.float64]:
         """The searched path from one node to another."""
         return self.paths[a, b] if a < b else self.paths[b, a][::-1].copy()
-
-    def _cost(self, length_m: NDArray[np.float64]) -> NDArray[np.float64]:
-        return length_m if self._leg_time is None else np.asarray(self._leg_time(length_m), dtype=np.float64)
 
 
 def _check_reachable(space: FreeSpace, stops: NDArray[np.float64], names: Sequence[str] | None) -> None:

@@ -1,8 +1,9 @@
 """Proven lower bounds of the cost of tours: Held and Karp's 1-tree ascent, and the counting bound on grids.
 
-The ascent runs on a sparse graph of near edges, where a step takes microseconds. What counts is the cheapest 1-tree of the
-complete graph at the prices found: it bounds every tour, whatever edges the sparse graph lacks. The edges that it has and
-the sparse graph had not are added, and the ascent goes on.
+The ascent runs on a sparse graph of near edges, where a step takes microseconds. What counts is the cheapest 1-tree
+of the complete graph at the prices found: it bounds every tour, whatever edges the sparse graph lacks. The edges that
+it has and the sparse graph had not are added, and the ascent goes on. Of few nodes the cheapest tour itself is the
+bound.
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from gcs.planning.exact_tour import MOST_EXACT, exact_tour
 from gcs.planning.one_tree import ascend, complete_one_tree, graph_of_edges
 from gcs.planning.tour_candidates import candidate_graph
 
@@ -52,6 +54,8 @@ def tour_lower_bound(costs: TourCosts, order: NDArray[np.int64], poll: Callable[
     n, known = len(costs), costs.of_tour(order)
     if n <= 3:
         return known
+    if n <= MOST_EXACT:
+        return min(costs.of_tour(exact_tour(costs.matrix())), known)
     graph = candidate_graph(costs, order)
     prices = np.zeros(n)
     steps = int(min(max(EDGE_STEPS / len(graph.other), LEAST_STEPS), MOST_STEPS))
@@ -110,4 +114,4 @@ def counting_bound(points: ArrayLike, *, closed: bool) -> float | None:
         return None
     (short, _), (long, lines) = sorted(zip(pitches, counts.tolist(), strict=True))
     gaps = (lines - 1) * (2 if closed else 1)
-    return (len(given) - (0 if closed else 1)) * short + gaps * (long - short)
+    return float((len(given) - (0 if closed else 1)) * short + gaps * (long - short))

@@ -50,8 +50,8 @@ def candidate_graph(costs: TourCosts, order: NDArray[np.int64], count: int = NEA
 def best_candidates(graph: Graph, steps: int = STEPS, poll: Callable[[], None] | None = None) -> NDArray[np.int64]:
     """For each node the ends of its edges with the least alpha-nearness, nearest first.
 
-    That is what the cheapest 1-tree would cost more if it had to have the edge, at prices that make the tree much like a
-    tour (K. Helsgaun, European J. of Operational Research 126, 2000).
+    That is what the cheapest 1-tree would cost more if it had to have the edge, at prices that make the tree much like
+    a tour (K. Helsgaun, European J. of Operational Research 126, 2000).
 
     Args:
         graph: near edges, connected.

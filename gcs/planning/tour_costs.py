@@ -80,7 +80,8 @@ class TourCosts:
             from scipy.spatial import KDTree
 
             points = self.data[nodes, :3]
-            costs, others = KDTree(points).query(points, count + 1)
+            found = KDTree(points).query(points, count + 1)
+            costs, others = np.asarray(found[0]), np.asarray(found[1])
             mine = others == rows[:, None]
             mine[~mine.any(axis=1), -1] = True  # many nodes in one place: it was not among the nearest itself
             others, costs = others[~mine].reshape(-1, count), costs[~mine].reshape(-1, count)
@@ -101,7 +102,7 @@ def pair_cost(data: Floats, from_points: bool, a: int, b: int) -> float:
         dx = data[a, 0] - data[b, 0]
         dy = data[a, 1] - data[b, 1]
         dz = data[a, 2] - data[b, 2]
-        return data[a, 3] * data[b, 3] * math.sqrt(dx * dx + dy * dy + dz * dz)
+        return float(data[a, 3] * data[b, 3] * math.sqrt(dx * dx + dy * dy + dz * dz))
     return float(data[a, b])
 
 

@@ -89,8 +89,8 @@ class TimeMetric(TourMetric):
 class EnergyMetric(TourMetric):
     """The tower paper's energy `W = K sqrt(dx^2 + dy^2 + mu dz^2)`, summed over a path's straight legs.
 
-    Source: W. Xu et al., "Obstacle avoidance path planning of a rotor UAV for the inspection of cable-stayed bridge
-    towers", equation 3. Climbing and sinking cost the same.
+    Source: W. Xu et al., "Trajectory planning of rotor UAV for inspection of cable-stayed bridge tower", 2019, eq. 3.
+    Climbing and sinking cost the same.
 
     Attributes:
         k: energy of a horizontal metre, > 0.

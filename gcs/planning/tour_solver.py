@@ -7,19 +7,16 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from gcs.planning.compiled import compiled
+from gcs.planning.exact_tour import MOST_EXACT, exact_tour
 from gcs.planning.lin_kernighan import LocalSearch
 from gcs.planning.tour_bound import counting_bound
 from gcs.planning.tour_candidates import best_candidates, candidate_graph, greedy_tour
-from gcs.planning.tour_costs import Floats, Ints, TourCosts
+from gcs.planning.tour_costs import TourCosts
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from numpy.typing import ArrayLike, NDArray
-
-MOST_EXACT = 12
-"""Nodes up to which the tour is found by dynamic programming."""
 
 KICKS_PER_NODE = 4
 LEAST_KICKS = 2500
@@ -55,7 +52,7 @@ def solve_tour(
     if n <= 3:
         return np.arange(n, dtype=np.int64)
     if n <= MOST_EXACT:
-        return from_node_zero(_exact(costs.matrix()))
+        return from_node_zero(exact_tour(costs.matrix()))
     order = greedy_tour(costs) if start is None else np.asarray(start, dtype=np.int64)
     candidates = best_candidates(candidate_graph(costs, order), poll=poll)
     search = LocalSearch(costs, candidates, order, np.random.default_rng(seed))
@@ -76,7 +73,8 @@ def solve_closed_tour(costs: ArrayLike, *, seed: int = 0, effort: float = 1.0) -
 
     Args:
         costs: symmetric, not negative, shape (n, n), n >= 1.
-        seed: as in `solve_tour`, as is the effort.
+        seed: as in `solve_tour`.
+        effort: as in `solve_tour`.
 
     Returns:
         The nodes in visiting order from node 0, shape (n,).
@@ -88,7 +86,7 @@ def solve_open_tour(costs: ArrayLike, *, seed: int = 0, effort: float = 1.0) -> 
     """A short path with free ends on a matrix of costs, by way of a node that costs nothing to reach.
 
     Args:
-        costs: as in `solve_closed_tour`, as are the others.
+        costs: symmetric, not negative, shape (n, n), n >= 1.
         seed: as in `solve_tour`.
         effort: as in `solve_tour`.
 
@@ -139,37 +137,3 @@ def from_node_zero(order: NDArray[np.int64]) -> NDArray[np.int64]:
     """The same closed tour from node 0 on, in the direction with the smaller second node."""
     order = np.roll(order, -int(np.flatnonzero(order == 0)[0]))
     return order if len(order) < 3 or order[1] <= order[-1] else np.concatenate([order[:1], order[:0:-1]])
-
-
-@compiled
-def _exact(costs: Floats) -> Ints:
-    """Held and Karp's dynamic programme (J. SIAM 10, 1962) over the sets of nodes 1 ... n - 1."""
-    m = costs.shape[0] - 1
-    best = np.full((1 << m, m), math.inf)
-    before = np.full((1 << m, m), -1, np.int64)
-    for j in range(m):
-        best[1 << j, j] = costs[0, j + 1]
-    for visited in range(1, 1 << m):
-        for j in range(m):
-            here = best[visited, j]
-            if here == math.inf:
-                continue
-            for k in range(m):
-                if visited & (1 << k):
-                    continue
-                total = here + costs[j + 1, k + 1]
-                if total < best[visited | (1 << k), k]:
-                    best[visited | (1 << k), k] = total
-                    before[visited | (1 << k), k] = j
-    visited = (1 << m) - 1
-    last = 0
-    for j in range(1, m):
-        if best[visited, j] + costs[j + 1, 0] < best[visited, last] + costs[last + 1, 0]:
-            last = j
-    order = np.zeros(m + 1, np.int64)
-    for place in range(m, 0, -1):
-        order[place] = last + 1
-        earlier = before[visited, last]
-        visited ^= 1 << last
-        last = earlier
-    return order

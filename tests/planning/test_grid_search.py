@@ -84,6 +84,61 @@ def test_cover_is_dear_and_the_estimate_never_too_high(seed):
             assert math.isinf(expected) if found is None else found[1] == pytest.approx(expected, rel=2e-6)
 
 
+@pytest.mark.parametrize("share", [0.02, 0.1, 0.3])
+@pytest.mark.parametrize("weight", [1.2, 2.0])
+@pytest.mark.parametrize("penalty", [1.0, 3.7])
+def test_a_weighted_search_keeps_its_bound(share, weight, penalty):
+    allowed = cluttered(3, (16, 14, 11), share)
+    covered = np.zeros_like(allowed)
+    covered[3:12, 2:11, :7] = penalty > 1
+    moves = graph(allowed, covered, penalty)
+    depth = cover_depth(allowed, allowed & ~covered) if penalty > 1 else None
+    grid = GridSearch(allowed.shape)
+    rng = np.random.default_rng(4)
+    cells = np.argwhere(allowed)
+    for start in cells[rng.choice(len(cells), 8)]:
+        truth = dijkstra(moves, indices=np.ravel_multi_index(tuple(start), allowed.shape))
+        for goal in cells[rng.choice(len(cells), 15)]:
+            expected = truth[np.ravel_multi_index(tuple(goal), allowed.shape)]
+            found = grid.search(allowed, start, goal, depth, penalty, weight)
+            if found is None:
+                assert math.isinf(expected)
+                continue
+            check_path(allowed, found[0], start, goal)
+            assert expected * (1 - 1e-6) <= found[1] <= weight * expected * (1 + 1e-6)
+
+
+def test_costs_are_those_of_dijkstra_among_large_bodies():
+    allowed = np.ones((24, 22, 16), dtype=bool)
+    allowed[6:10, 3:18, :12] = False
+    allowed[13:15, :15, 3:] = False
+    allowed[18:20, 6:, :10] = False
+    moves = graph(allowed)
+    grid = GridSearch(allowed.shape)
+    rng = np.random.default_rng(6)
+    cells = np.argwhere(allowed)
+    for start in cells[rng.choice(len(cells), 5)]:
+        truth = dijkstra(moves, indices=np.ravel_multi_index(tuple(start), allowed.shape))
+        for goal in cells[rng.choice(len(cells), 40)]:
+            found = grid.search(allowed, start, goal)
+            check_path(allowed, found[0], start, goal)
+            assert found[1] == pytest.approx(truth[np.ravel_multi_index(tuple(goal), allowed.shape)], rel=2e-6)
+
+
+@pytest.mark.parametrize("share", [0.0, 0.05, 0.25])
+def test_cover_depth_is_that_of_dijkstra(share):
+    free = cluttered(5, (15, 13, 10), share)
+    open_sky = free.copy()
+    open_sky[2:13, 3:12, :8] = False
+    depth = cover_depth(free, open_sky)
+    covered = free & ~open_sky
+    beside = np.asarray(graph(free)[:, open_sky.ravel()].sum(axis=1)).ravel().reshape(free.shape) > 0
+    borders = np.flatnonzero((covered & beside).ravel())
+    truth = dijkstra(graph(free, open_sky, 1e6), indices=borders, min_only=True).reshape(free.shape)
+    truth[truth > 1e5] = np.inf  # only through the open
+    assert np.allclose(depth[covered], truth[covered], rtol=0, atol=2e-2)
+
+
 def test_cover_depth_is_the_way_to_the_border():
     allowed = np.ones((9, 9, 5), dtype=bool)
     open_sky = allowed.copy()

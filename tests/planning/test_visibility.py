@@ -65,3 +65,27 @@ def test_sight_ends_where_the_cable_ends():
     triangle = np.array([[[0, 90, 0], [1, 90, 0], [0, 90, 1]]], dtype=float)
     sight = SightLines(loose(triangle, [Cable(from_m=(10, 0, 0), to_m=(10, 0, 5), radius_m=0.1)]))
     np.testing.assert_array_equal(sight.clear([0, 0, 0], [[20, 0, 9.0], [20, 0, 11]]), [False, True])
+
+
+def plate_with_hole():
+    """A plate of 10 m x 10 m in the plane x = 5 with a square hole of 2 m x 2 m in its middle."""
+    strips = [((-5, -5), (5, -1)), ((-5, 1), (5, 5)), ((-5, -1), (-1, 1)), ((1, -1), (5, 1))]
+    triangles = []
+    for (y0, z0), (y1, z1) in strips:
+        a, b, c, d = (5, y0, z0), (5, y1, z0), (5, y1, z1), (5, y0, z1)
+        triangles += [(a, b, c), (a, c, d)]
+    return np.array(triangles, dtype=float)
+
+
+def test_through_a_hole_as_many_lines_as_it_takes_threads_for():
+    rng = np.random.default_rng(5)
+    targets = np.column_stack([np.full(100_000, 10.0), rng.uniform(-9, 9, (100_000, 2))])
+    crossing = np.abs(targets[:, 1:] / 2).max(axis=1)
+    decided = (np.abs(crossing - 1) > 1e-4) & (crossing < 5)
+    clear = SightLines(loose(plate_with_hole())).clear([0, 0, 0], targets)
+    np.testing.assert_array_equal(clear[decided], crossing[decided] < 1)
+    assert 0.03 < clear.mean() < 0.08
+
+
+def test_no_lines_are_no_trouble():
+    assert SightLines(loose(plate_with_hole())).clear(np.zeros((0, 3)), np.zeros((0, 3))).shape == (0,)

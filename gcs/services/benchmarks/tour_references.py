@@ -68,7 +68,7 @@ def _fast_tsp(costs: NDArray[np.float64], seconds: float) -> Any:
 
 
 def _lkh(costs: NDArray[np.float64], seconds: float) -> Any:  # noqa: ARG001 - it takes no limit
-    import elkai
+    import elkai  # type: ignore[import-not-found, unused-ignore]
 
     return elkai.DistanceMatrix(np.rint(costs * FINE).astype(np.int64).tolist()).solve_tsp(runs=1)[:-1]
 
@@ -78,7 +78,10 @@ def _or_tools(costs: NDArray[np.float64], seconds: float) -> Any:
 
 
 def _routing(costs: NDArray[np.float64], seconds: float, targets: NDArray[np.int64] | None) -> list[int]:
-    from ortools.constraint_solver import pywrapcp, routing_enums_pb2
+    from ortools.constraint_solver import (  # type: ignore[import-not-found, unused-ignore]
+        pywrapcp,
+        routing_enums_pb2,
+    )
 
     manager = pywrapcp.RoutingIndexManager(len(costs), 1, 0)
     model = pywrapcp.RoutingModel(manager)

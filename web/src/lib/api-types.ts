@@ -777,6 +777,11 @@ export interface components {
             samples: number;
             /** Seen */
             seen: boolean[];
+            /**
+             * Verdicts
+             * @description What becomes of each: `seen`, `left_out` (could be seen by more viewpoints), or why no picture shows it: `gimbal`, `incidence`, `too_far`, `not_sharp`, `fence`, `ground`, `not_reachable`, `too_close`, `occluded`.
+             */
+            verdicts: string[];
         };
         /**
          * EventMessage
@@ -1362,6 +1367,8 @@ export interface components {
             coverable: number | null;
             /** Coverage */
             coverage: number | null;
+            /** Coverage Samples */
+            coverage_samples?: number | null;
             /** Duration S */
             duration_s: number;
             /** Energy Wh */
@@ -1397,14 +1404,31 @@ export interface components {
              * @description None when the plan was written without mission files.
              */
             mission_items: number | null;
+            /**
+             * Not Covered M2
+             * @description Area that is not seen, by its verdict.
+             */
+            not_covered_m2?: {
+                [key: string]: number;
+            } | null;
             /** Open Sky */
             open_sky: number;
             /** Path Length M */
             path_length_m: number;
+            /**
+             * Sorties
+             * @description The flights, when one battery is not enough for all; else empty.
+             */
+            sorties?: components["schemas"]["SortieReport"][];
             /** Stages S */
             stages_s: {
                 [key: string]: number;
             };
+            /**
+             * Surface M2
+             * @description Area that was asked for, both sides.
+             */
+            surface_m2?: number | null;
             /** Tour Cost */
             tour_cost: number;
             /** Tour Lower Bound */
@@ -1413,6 +1437,16 @@ export interface components {
             tour_metric: string;
             /** Viewpoints */
             viewpoints: number;
+            /**
+             * Viewpoints Bound Solved
+             * @description Whether it is the best of its kind to 0.2 %.
+             */
+            viewpoints_bound_solved?: boolean | null;
+            /**
+             * Viewpoints Lower Bound
+             * @description No choice from the same candidates that covers as much has fewer viewpoints.
+             */
+            viewpoints_lower_bound?: number | null;
             /** Worst Viewpoint Miss M */
             worst_viewpoint_miss_m: number;
         };
@@ -1731,6 +1765,28 @@ export interface components {
             type: "snapshot";
             /** Vehicles */
             vehicles: components["schemas"]["VehicleInfo"][];
+        };
+        /**
+         * SortieReport
+         * @description One of several flights on one battery each; the vehicle rests at home between them.
+         */
+        SortieReport: {
+            /** Duration S */
+            duration_s: number;
+            /** End S */
+            end_s: number;
+            /** Energy Wh */
+            energy_wh: number;
+            /**
+             * Start S
+             * @description Take-off, on the time of the whole plan.
+             */
+            start_s: number;
+            /**
+             * Viewpoints
+             * @description Ids, in visiting order.
+             */
+            viewpoints: number[];
         };
         /**
          * StartRequest

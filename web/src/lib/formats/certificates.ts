@@ -62,13 +62,24 @@ export function certificateRows(report: PlanReport, scenario: ScenarioValues | n
   const row = (name: string, value: string, limitText: string, about: string) => ({ name, value, limit: limitText, about });
   const costUnit = { length: 'm', time: 's' }[report.tour_metric] ?? '';
   return [
-    row('Viewpoints', String(report.viewpoints), '', 'Places from which a picture is taken, at standstill'),
+    row(
+      'Viewpoints',
+      String(report.viewpoints),
+      report.viewpoints_lower_bound == null ? '' : `≥ ${Math.ceil(report.viewpoints_lower_bound - 1e-6)}`,
+      'Places from which a picture is taken, at standstill; beside it the proved lower bound for the same candidates',
+    ),
     ...(report.coverage === null
       ? []
       : [row('Coverage', percent(report.coverage, 1), 'of coverable', 'Share of the coverable sides that are seen as asked')]),
     ...(report.coverable === null
       ? []
       : [row('Coverable', percent(report.coverable, 1), 'of all', 'Share of all sides that a safe viewpoint can see')]),
+    ...(report.max_blur_px == null
+      ? []
+      : [row('Blur', figure(report.max_blur_px, 'px', 2), '', 'Largest motion during an exposure, at the hover drift')]),
+    ...(report.max_skew_px == null
+      ? []
+      : [row('Skew', figure(report.max_skew_px, 'px', 2), '', 'Largest motion while the shutter rolls over the picture')]),
     row('Duration', clock(report.duration_s), 'min', 'From take-off to landing'),
     row('Length', figure(report.length_m, 'm', 0), '', 'Of the trajectory'),
     row('Speed', figure(report.max_speed_m_s, 'm/s', 2), limit(numberAt(scenario, 'vehicle', 'max_speed_m_s'), 'm/s'), 'Highest on the curve'),
