@@ -31,7 +31,10 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 SURVIVING_SHARE = 0.3
-GENERATIONS_PER_NODE = 250
+REVERSAL, SWAP, SHIFT = range(3)
+"""The mutations."""
+
+GENERATIONS_PER_NODE = 160
 ENTROPY_EVERY = 20
 CHILDREN_AT_ONCE = 100_000
 EXACT_AGAIN = 1000
@@ -48,7 +51,7 @@ class GeneticOptions:
     Attributes:
         population: m, a multiple of the group.
         group: g.
-        generations: L; 250 for each node when not given.
+        generations: L; 160 for each node when not given.
         crossover_rate: p_fc, the rate where the population is diverse enough.
         mutation_rate: p_fv.
         threshold: R of `T(l) = R log2(m) exp(-G l / L)`.
@@ -229,28 +232,30 @@ def _link(data: Floats, from_points: bool, closed: bool, order: Ints, j: int) ->
 
 
 @compiled
-def _mutate(data: Floats, from_points: bool, closed: bool, order: Ints, kind: int, first: int, last: int) -> float:
+def _around(data: Floats, from_points: bool, closed: bool, order: Ints, first: int, last: int) -> float:
+    """Cost of the edges that lead into an interval and out of it; of the whole closed tour that is one and the same."""
+    total = _link(data, from_points, closed, order, last)
+    if first > 0 or last < len(order) - 1:
+        total += _link(data, from_points, closed, order, first - 1)
+    return total
+
+
+@compiled
+def mutate(data: Floats, from_points: bool, closed: bool, order: Ints, kind: int, first: int, last: int) -> float:
     """Mutate in one of the three ways and return what the tour costs more."""
-    before = _link(data, from_points, closed, order, first - 1) + _link(data, from_points, closed, order, last)
-    if kind == 0:
+    before = _around(data, from_points, closed, order, first, last)
+    after = 0.0
+    if kind == REVERSAL:
         reverse_interval(order, first, last)
-        return (
-            _link(data, from_points, closed, order, first - 1) + _link(data, from_points, closed, order, last) - before
-        )
-    if kind == 1:
-        before += _link(data, from_points, closed, order, first)
-        if last > first + 1:
-            before += _link(data, from_points, closed, order, last - 1)
+    elif kind == SWAP:
+        before += _link(data, from_points, closed, order, first) + _link(data, from_points, closed, order, last - 1)
         swap_genes(order, first, last)
-        after = _link(data, from_points, closed, order, first - 1) + _link(data, from_points, closed, order, last)
+        after += _link(data, from_points, closed, order, first) + _link(data, from_points, closed, order, last - 1)
+    else:
+        before += _link(data, from_points, closed, order, last - 1)
+        shift_interval(order, first, last)
         after += _link(data, from_points, closed, order, first)
-        if last > first + 1:
-            after += _link(data, from_points, closed, order, last - 1)
-        return after - before
-    before += _link(data, from_points, closed, order, last - 1)
-    shift_interval(order, first, last)
-    after = _link(data, from_points, closed, order, first - 1) + _link(data, from_points, closed, order, last)
-    return after + _link(data, from_points, closed, order, first) - before
+    return after + _around(data, from_points, closed, order, first, last) - before
 
 
 @compiled
@@ -306,8 +311,8 @@ def _breed(
                     costs[child] = costs[parent]
                 if rng.random() < rates[1] * raised:
                     first, last = _random_interval(n, rng)
-                    kind = int(rng.random() * 3)
-                    costs[child] += _mutate(data, from_points, closed, people[child], kind, first, last)
+                    kind = int(rng.random() * (SHIFT + 1))
+                    costs[child] += mutate(data, from_points, closed, people[child], kind, first, last)
         if generation % EXACT_AGAIN == 0:
             for i in range(m):
                 costs[i] = _sum(data, from_points, closed, people[i])

@@ -118,6 +118,8 @@ def find_seeable(
         if round_ == TRIES + MORE_TRIES:
             cells = _widened(space.reachable_mask, LINK_REACH)
         todo = np.arange(len(sides)) if round_ < TRIES else np.flatnonzero(~found)
+        if not len(todo):
+            break
         draws = rng.random((len(todo), 3), dtype=np.float32)
         tilt = 0.0 if round_ == 0 else steepest
         tries = _Tries(tilt, round_ % 2 == 0, nearest_m, furthest_m)

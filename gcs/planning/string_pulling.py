@@ -20,7 +20,7 @@ WORTHWHILE = 1e-3
 """Sweeps end when one shortens the path by less than this share."""
 
 BISECTIONS = 7
-LEAST_SAVING_M = 0.03
+LEAST_SAVING_M = 0.05
 """What one more corner has to save."""
 
 TOUCHING_M = 0.1
@@ -90,8 +90,12 @@ def _free(a: Floats, b: Floats, model: RoomModel) -> bool:
 @compiled
 def _pull(path: Floats, model: RoomModel, sky: OpenSky, keep: bool) -> Floats:
     path = _settle(path, model, sky, keep)
-    path = _settle(_cut_corners(path, model, sky, keep), model, sky, keep)
-    return _settle(_cut_corners(path, model, sky, keep), model, sky, keep)
+    for _ in range(1):
+        corners = path.shape[0]
+        path = _settle(_cut_corners(path, model, sky, keep), model, sky, keep)
+        if path.shape[0] == corners:
+            break
+    return path
 
 
 @compiled
@@ -145,6 +149,10 @@ def _skip(path: Floats, model: RoomModel, sky: OpenSky, keep: bool) -> Floats:
 @compiled
 def _cut_corners(path: Floats, model: RoomModel, sky: OpenSky, keep: bool) -> Floats:
     """Put two corners in the place of one where that saves enough; the longest cut that is free is taken."""
+    whole = 0.0
+    for i in range(1, path.shape[0]):
+        whole += _distance(path[i - 1], path[i])
+    worthwhile = max(0.02, 0.0015 * whole)
     result = [path[0]]
     for i in range(1, path.shape[0] - 1):
         a, b, c = path[i - 1], path[i], path[i + 1]
@@ -164,7 +172,7 @@ def _cut_corners(path: Floats, model: RoomModel, sky: OpenSky, keep: bool) -> Fl
                     break
             else:
                 high = cut
-        if saved >= LEAST_SAVING_M:
+        if saved >= worthwhile:
             result.append(b + (a - b) * (low / first))
             result.append(b + (c - b) * (low / second))
         else:

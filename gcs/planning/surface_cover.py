@@ -61,8 +61,11 @@ AIMED_PLACES = 4
 ROUNDS = 3
 """How often a choice is judged on all sides, and refined with those that it misses among the targets."""
 
-FIRST_WORK, MOVE_WORK, ROUND_WORK = 8e7, 8e7, 6e7
+FIRST_WORK, MOVE_WORK, ROUND_WORK = 6e7, 8e7, 6e7
 """Updates of a gain in each search for a smaller cover: at first, with the moved views, and in a round."""
+
+WORK_VIEWS = 100
+"""Covers of fewer views than this take as much less work."""
 
 UNDER_COVER = 0.95
 NEAREST = 0.95
@@ -311,7 +314,7 @@ class SurfaceCover:
             self._weights,
             chosen,
             wanted,
-            work,
+            work * min(1.0, len(chosen) / WORK_VIEWS),
             self._rng,
             preference=self._preference,
             poll=self._poll,

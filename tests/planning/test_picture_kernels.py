@@ -79,7 +79,7 @@ def test_a_picture_shows_what_the_certificate_says_it_shows(core):
         expected &= faces_camera(place, p, n, math.radians(60))
         assert (got != expected).sum() <= 1  # single precision may see one at an edge either way
         some += expected.sum()
-    assert some > 1000
+    assert some > 500
 
 
 def test_cameras_point_where_poses_do_and_keep_to_their_pitch_range():

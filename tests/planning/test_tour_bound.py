@@ -3,6 +3,7 @@ import math
 import numpy as np
 import pytest
 
+from gcs.planning.exact_tour import exact_tour
 from gcs.planning.tour_bound import counting_bound, tour_lower_bound
 from gcs.planning.tour_costs import TourCosts
 from gcs.planning.tour_solver import solve_closed_tour, tour_cost, with_free_node
@@ -58,6 +59,55 @@ def test_an_open_face_is_bounded_by_its_optimum():
     open_costs = with_free_node(costs)
     assert bound_of(open_costs, solve_closed_tour(open_costs)) == pytest.approx(optimum, rel=2e-3)
     assert counting_bound(points, closed=False) == pytest.approx(optimum)
+
+
+@pytest.mark.parametrize("n", [13, 14])
+@pytest.mark.parametrize("seed", range(3))
+def test_the_ascent_is_never_above_an_optimum_found_otherwise(n, seed):
+    costs = random_costs(n, seed)
+    best = tour_cost(costs, exact_tour(costs))
+    for order in (exact_tour(costs), np.random.default_rng(seed).permutation(n)):
+        assert 0.95 * best <= bound_of(costs, order) <= best * (1 + 1e-9)
+
+
+def test_points_are_bounded_like_their_matrix():
+    points = np.random.default_rng(8).uniform(0, 50, (150, 3))
+    matrix = random_costs(150, 8)
+    order = solve_closed_tour(matrix)
+    assert tour_lower_bound(TourCosts.of_points(points), order) == pytest.approx(bound_of(matrix, order), rel=1e-3)
+
+
+def test_the_closed_forms_of_the_towers_face():
+    face = np.array([[x, 0.0, z * math.sqrt(3)] for x in range(4) for z in range(88)])
+    assert counting_bound(face, closed=False) == pytest.approx(414.688, abs=5e-4)
+    assert counting_bound(face, closed=True) == pytest.approx(479.377, abs=5e-4)
+    turned = face[np.random.default_rng(0).permutation(352)][:, [2, 0, 1]] + 7.0
+    assert counting_bound(turned, closed=True) == pytest.approx(479.377, abs=5e-4)
+
+
+@pytest.mark.parametrize("closed", [True, False])
+@pytest.mark.parametrize(
+    ("width", "height", "pitch"), [(3, 4, 1.7), (4, 3, 1.7), (2, 5, 0.4), (3, 3, 1.0), (2, 2, 3.0)]
+)
+def test_counting_is_never_above_the_optimum_and_reaches_open_ones(width, height, pitch, closed):
+    grid = np.array([[x, 0.0, z * pitch] for x in range(width) for z in range(height)])
+    costs = TourCosts.of_points(grid, free_node=not closed)
+    best = costs.of_tour(exact_tour(costs.matrix()))
+    bound = counting_bound(grid, closed=closed)
+    assert bound <= best * (1 + 1e-9)
+    if not closed:
+        assert bound == pytest.approx(best)
+
+
+def test_what_is_no_full_grid_is_not_counted():
+    grid = np.array([[x, 0.0, z] for x in range(4) for z in range(5)], dtype=float)
+    assert counting_bound(grid[1:], closed=True) is None
+    assert counting_bound(np.concatenate([grid[1:], grid[1:2]]), closed=True) is None
+    uneven = grid.copy()
+    uneven[uneven[:, 2] == 4, 2] = 4.3
+    assert counting_bound(uneven, closed=True) is None
+    assert counting_bound(grid[grid[:, 0] == 0], closed=True) is None
+    assert counting_bound(np.zeros((5, 3)), closed=True) is None
 
 
 def test_it_asks_whether_to_go_on():

@@ -1,14 +1,14 @@
 """Benchmark `tours`: cost, proven lower bound and gap in the bridge tower's metric `sqrt(dx^2 + dy^2 + 3 dz^2)`.
 
-Times are the tour's alone, from coordinates to the order, in one run with its kernels compiled before. The gap's
-references are other solvers' gaps above the same bound, where they are installed.
+Times are the tour's alone, from coordinates to the order, with its kernels compiled before. The gap's references are other
+solvers' gaps above the same bound, where they are installed.
 """
 
 from __future__ import annotations
 
 import math
 import time
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
@@ -27,7 +27,11 @@ from gcs.services.benchmarks.tour_references import (
 )
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from numpy.typing import NDArray
+
+T = TypeVar("T")
 
 METRIC = EnergyMetric(k=1.0, mu=3.0)
 """K = 1 and mu = 3, as in the paper."""
@@ -42,8 +46,11 @@ SPREAD_M = 4.0
 MOST_FOR_REFERENCES = 3000
 """Nodes up to which the others, which want all pairs, are run."""
 
+RUNS = 3
+ROUNDING = 1e-12
+PAPER_COST = 544.0832
 PAPER_SAVING = 0.1999
-"""The paper's: 544.0832 units against 680 m of the Z path, which counts vertical metres once and not by mu."""
+"""The paper's: 544.0832 units against 680 m of the Z path, which leaves mu out; its grid is not stated."""
 
 
 def run(quick: bool) -> list[Row]:
@@ -53,7 +60,7 @@ def run(quick: bool) -> list[Row]:
         quick: small random sets, and a genetic algorithm of a few generations.
     """
     sizes = (60, 150, 300) if quick else (680, 2000, 10_000)
-    face = tower_face()
+    face = tower_face(FACE_HEIGHT)
     wide = [np.random.default_rng(SEED).uniform(0.0, 1.0, (n, 3)) * SPACE_M for n in sizes[1:]]
     solve_point_tour(METRIC.stretched(wide[0][:50]), closed=True)  # loads the compiled kernels
     solve_point_tour(METRIC.stretched(wide[0][:50]), closed=False)
@@ -63,14 +70,14 @@ def run(quick: bool) -> list[Row]:
         *_case(f"random-{sizes[0]}", tower_points(sizes[0]), True, quick),
         *(row for points in wide for row in _case(f"random-{len(points)}", points, True, quick)),
         *_generalised(*((40, 3) if quick else (400, 6)), quick),
-        *_genetic(face, False, quick),
-        *_genetic(face, True, quick),
+        *_genetic(12 if quick else FACE_HEIGHT, False),
+        *_genetic(12 if quick else FACE_HEIGHT, True),
     ]
 
 
-def tower_face() -> NDArray[np.float64]:
-    """Nodes of a 4 m x 88 m face, 1 m apart."""
-    return np.array([[x, 0, z] for x in range(FACE_WIDTH) for z in range(FACE_HEIGHT)], dtype=np.float64)
+def tower_face(height: int) -> NDArray[np.float64]:
+    """Nodes of a face of 4 columns, 1 m apart."""
+    return np.array([[x, 0, z] for x in range(FACE_WIDTH) for z in range(height)], dtype=np.float64)
 
 
 def tower_points(count: int, seed: int = SEED) -> NDArray[np.float64]:
@@ -106,9 +113,7 @@ def z_path(width: int, height: int) -> NDArray[np.int64]:
 
 def _case(case: str, points: NDArray[np.float64], closed: bool, quick: bool) -> list[Row]:
     stretched = METRIC.stretched(points)
-    begin = time.perf_counter()
-    order = solve_point_tour(stretched, closed=closed)
-    seconds = time.perf_counter() - begin
+    order, seconds = _timed(lambda: solve_point_tour(stretched, closed=closed), 1 if quick else RUNS)
     cost = TourCosts.of_points(stretched).of_tour(order, closed=closed)
     costs = TourCosts.of_points(stretched, free_node=not closed)
     begin = time.perf_counter()
@@ -126,24 +131,36 @@ def _case(case: str, points: NDArray[np.float64], closed: bool, quick: bool) -> 
 
 
 def _gaps(case: str, cost: float, bound: float, costs: TourCosts, quick: bool) -> list[Row]:
-    gap = max(cost / bound - 1, 0.0)
     rows = []
     for name in REFERENCES:
         order = None
         if not quick and len(costs) <= MOST_FOR_REFERENCES:
             order = reference_tour(name, costs.matrix(), REFERENCE_SECONDS)
-        found = None if order is None else costs.of_tour(order) / bound - 1
-        rows.append(Row(case, "gap", gap, "1", name, found))
+        found = None if order is None else _gap(costs.of_tour(order), bound)
+        rows.append(Row(case, "gap", _gap(cost, bound), "1", name, found))
     return rows
+
+
+def _timed(run: Callable[[], T], runs: int) -> tuple[T, float]:
+    """What a function returns, and the seconds (s) of the quickest run: other work on the machine only adds to them."""
+    times = []
+    for _ in range(runs):
+        begin = time.perf_counter()
+        result = run()
+        times.append(time.perf_counter() - begin)
+    return result, min(times)
+
+
+def _gap(cost: float, bound: float) -> float:
+    gap = cost / bound - 1
+    return 0.0 if abs(gap) < ROUNDING else gap
 
 
 def _generalised(count: int, each: int, quick: bool) -> list[Row]:
     case = f"generalised-{count}x{each}"
     candidates, targets = generalised_targets(count, each)
     generalised_tour(*generalised_targets(20, 2))  # loads the compiled kernels
-    begin = time.perf_counter()
-    found = generalised_tour(candidates, targets)
-    seconds = time.perf_counter() - begin
+    found, seconds = _timed(lambda: generalised_tour(candidates, targets), 1 if quick else RUNS)
     between = TourCosts.of_matrix(target_costs(candidates, targets))
     bound = tour_lower_bound(between, solve_tour(between))
     theirs = None
@@ -154,28 +171,28 @@ def _generalised(count: int, each: int, quick: bool) -> list[Row]:
     return [
         Row(case, "cost", found.cost, "m", OR_TOOLS, theirs),
         Row(case, "lower_bound", bound, "m"),
-        Row(case, "gap", found.cost / bound - 1, "1", OR_TOOLS, None if theirs is None else theirs / bound - 1),
+        Row(case, "gap", _gap(found.cost, bound), "1", OR_TOOLS, None if theirs is None else _gap(theirs, bound)),
         Row(case, "seconds", seconds, "s", OR_TOOLS, None if theirs is None else GENERALISED_SECONDS),
     ]
 
 
-def _genetic(face: NDArray[np.float64], closed: bool, quick: bool) -> list[Row]:
+def _genetic(height: int, closed: bool) -> list[Row]:
     """The genetic algorithm from a random start, beside the optimum and beside the Z path."""
-    case = f"genetic-4x88-{'closed' if closed else 'open'}"
+    case = f"genetic-{FACE_WIDTH}x{height}-{'closed' if closed else 'open'}"
+    face = tower_face(height)
     stretched = METRIC.stretched(face)
     costs = TourCosts.of_points(stretched)
-    options = GeneticOptions(population=50, generations=200) if quick else GeneticOptions()
     genetic_tour(costs, closed=closed, options=GeneticOptions(population=10, generations=1))
-    begin = time.perf_counter()
-    found = genetic_tour(costs, closed=closed, options=options)
-    seconds = time.perf_counter() - begin
+    options = GeneticOptions(population=100) if height < FACE_HEIGHT else GeneticOptions()
+    found, seconds = _timed(lambda: genetic_tour(costs, closed=closed, options=options), 1)
     optimum = counting_bound(stretched, closed=closed) or math.nan
-    z_order = z_path(FACE_WIDTH, FACE_HEIGHT)
+    z_order = z_path(FACE_WIDTH, height)
     z_energy = costs.of_tour(z_order, closed=closed)
     z_length = TourCosts.of_points(face).of_tour(z_order, closed=closed)
     return [
         Row(case, "cost", found.cost, "1", "optimum", optimum),
-        Row(case, "gap", found.cost / optimum - 1, "1"),
+        Row(case, "cost", found.cost, "1", "paper, grid not stated", PAPER_COST),
+        Row(case, "gap", _gap(found.cost, optimum), "1"),
         Row(case, "seconds", seconds, "s"),
         Row(case, "z_path_energy", z_energy, "1"),
         Row(case, "z_path_length", z_length, "m"),
