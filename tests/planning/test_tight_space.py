@@ -129,7 +129,8 @@ def test_between_far_viewpoints_at_a_wall_the_path_keeps_off_it(wall):
     a, b = np.array([[4 - CLEARANCE - 0.05, y, 9.0] for y in (-6.0, 6.0)])
     path = find_path(space, a, b)
     line = along(path)
-    middle = np.abs(line[:, 1]) < 6.0 - SPOT_RADIUS_M - REACH
+    # a little less than the spots' reach: the ways out of the tight space lean towards each other
+    middle = np.abs(line[:, 1]) < 6.0 - SPOT_RADIUS_M - REACH - 0.1
     assert (distance.distance(line[middle]) >= CLEARANCE + REACH).all()
     assert path_length(path) < 13.0
 
