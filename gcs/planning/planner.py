@@ -332,7 +332,21 @@ def plan_rest(
     watch = Stopwatch()
     built = build_flight(scenario, scene.space, tour, remaining, progress, watch)
     viewpoints = tuple(_visited(v.id, k, v, built) for k, v in enumerate(remaining))
-    return _certified(scenario, structure, scene, tour, built, viewpoints, None, progress, watch)
+    return _certified(
+        _with_drift(scenario, scene, start), structure, scene, tour, built, viewpoints, None, progress, watch
+    )
+
+
+def _with_drift(scenario: Scenario, scene: Scene, start: NDArray[np.float64]) -> Scenario:
+    """The scenario less the part of the tracking error that a hover has already used up.
+
+    A viewpoint may stand at the bare clearance, and a hovering vehicle drifts. The way back begins where it is, so the
+    certificate cannot ask for more there; what is asked is never less than the budget without the tracking error.
+    """
+    safety = scenario.safety
+    room = float(scene.distance.distance(start[None])[0]) - scenario.vehicle.radius_m
+    used = min(max(safety.hull_clearance_m - room, 0.0) * (1 + 1e-6), safety.tracking_m)
+    return scenario.model_copy(update={"safety": safety.model_copy(update={"tracking_m": safety.tracking_m - used})})
 
 
 def _into_free_space(space: FreeSpace, point: NDArray[np.float64]) -> NDArray[np.float64]:
