@@ -1,7 +1,7 @@
 """Benchmark `tours`: cost, proven lower bound and gap in the bridge tower's metric `sqrt(dx^2 + dy^2 + 3 dz^2)`.
 
-Times are the tour's alone, from coordinates to the order, with its kernels compiled before. The gap's references are other
-solvers' gaps above the same bound, where they are installed.
+Times are the tour's alone, from coordinates to the order, with its kernels compiled before. The gap's references are
+other solvers' gaps above the same bound, where they are installed.
 """
 
 from __future__ import annotations
