@@ -341,8 +341,11 @@ def _with_drift(scenario: Scenario, scene: Scene, start: NDArray[np.float64]) ->
     """The scenario less the part of the tracking error that a hover has already used up.
 
     A viewpoint may stand at the bare clearance, and a hovering vehicle drifts. The way back begins where it is, so the
-    certificate cannot ask for more there; what is asked is never less than the budget without the tracking error.
+    certificate cannot ask for more there; what is asked is never less than the budget without the tracking error. Home
+    has not been drifted to: it stands on the ground, and is not judged by the distance to it.
     """
+    if np.array_equal(start, scenario.home_m):
+        return scenario
     safety = scenario.safety
     room = float(scene.distance.distance(start[None])[0]) - scenario.vehicle.radius_m
     used = min(max(safety.hull_clearance_m - room, 0.0) * (1 + 1e-6), safety.tracking_m)

@@ -20,8 +20,11 @@ WORTHWHILE = 1e-3
 """Sweeps end when one shortens the path by less than this share."""
 
 BISECTIONS = 7
-LEAST_SAVING_M = 0.05
-"""What one more corner has to save."""
+CUTS = 2
+"""How often corners are cut: so many times two corners may take the place of one."""
+
+LEAST_SAVING_M, LEAST_SAVING_SHARE = 0.02, 1e-3
+"""What one more corner has to save, and which share of the path's length."""
 
 TOUCHING_M = 0.1
 """A leg with less room than this to spare touches something."""
@@ -83,6 +86,14 @@ def _distance(a: Floats, b: Floats) -> float:
 
 
 @compiled
+def _length(path: Floats) -> float:
+    length = 0.0
+    for i in range(1, path.shape[0]):
+        length += _distance(path[i - 1], path[i])
+    return length
+
+
+@compiled
 def _free(a: Floats, b: Floats, model: RoomModel) -> bool:
     return segment_free(a, b, model.tolerance, model)
 
@@ -90,7 +101,7 @@ def _free(a: Floats, b: Floats, model: RoomModel) -> bool:
 @compiled
 def _pull(path: Floats, model: RoomModel, sky: OpenSky, keep: bool) -> Floats:
     path = _settle(path, model, sky, keep)
-    for _ in range(1):
+    for _ in range(CUTS):
         corners = path.shape[0]
         path = _settle(_cut_corners(path, model, sky, keep), model, sky, keep)
         if path.shape[0] == corners:
@@ -149,10 +160,7 @@ def _skip(path: Floats, model: RoomModel, sky: OpenSky, keep: bool) -> Floats:
 @compiled
 def _cut_corners(path: Floats, model: RoomModel, sky: OpenSky, keep: bool) -> Floats:
     """Put two corners in the place of one where that saves enough; the longest cut that is free is taken."""
-    whole = 0.0
-    for i in range(1, path.shape[0]):
-        whole += _distance(path[i - 1], path[i])
-    worthwhile = max(0.02, 0.0015 * whole)
+    least_saving = max(LEAST_SAVING_M, LEAST_SAVING_SHARE * _length(path))
     result = [path[0]]
     for i in range(1, path.shape[0] - 1):
         a, b, c = path[i - 1], path[i], path[i + 1]
@@ -172,7 +180,7 @@ def _cut_corners(path: Floats, model: RoomModel, sky: OpenSky, keep: bool) -> Fl
                     break
             else:
                 high = cut
-        if saved >= worthwhile:
+        if saved >= least_saving:
             result.append(b + (a - b) * (low / first))
             result.append(b + (c - b) * (low / second))
         else:
@@ -186,15 +194,12 @@ def _cut_corners(path: Floats, model: RoomModel, sky: OpenSky, keep: bool) -> Fl
 
 @compiled
 def _tighten(path: Floats, model: RoomModel, sky: OpenSky, keep: bool) -> tuple[float, float]:
-    """Move each inner corner as far as it may go: inwards, then along its legs; all of it shortens the path.
+    """Move each inner corner as far as it may go: inwards, along its legs, along what they touch; all of it shortens.
 
     Returns:
         The length gained and the length before.
     """
-    gained = 0.0
-    length = 0.0
-    for i in range(1, path.shape[0]):
-        length += _distance(path[i - 1], path[i])
+    gained, length = 0.0, _length(path)
     for i in range(1, path.shape[0] - 1):
         a, c = path[i - 1], path[i + 1]
         before = _distance(a, path[i]) + _distance(path[i], c)

@@ -39,11 +39,11 @@ PILOT_PLACES, PILOT_SHARE = 150, 0.1
 SEARCH_SHARE = 0.3
 """Share of the targets that candidates are looked for with."""
 
-PLACES_PER_VIEW, FEWEST_PLACES, MOST_PLACES = 16, 400, 6000
+PLACES_PER_VIEW, FEWEST_PLACES, MOST_PLACES = 20, 400, 6000
 AIMS = 8
 """Pictures from every place."""
 
-LAYERS = 6
+LAYERS = 5
 """Candidates that are kept: those of so many covers, each of what the earlier ones left."""
 
 MOVES, MOVE_AIMS = 2, 4
@@ -61,7 +61,7 @@ AIMED_PLACES = 4
 ROUNDS = 3
 """How often a choice is judged on all sides, and refined with those that it misses among the targets."""
 
-FIRST_WORK, MOVE_WORK, ROUND_WORK = 6e7, 8e7, 6e7
+FIRST_WORK, MOVE_WORK, ROUND_WORK = 4e7, 8e7, 6e7
 """Updates of a gain in each search for a smaller cover: at first, with the moved views, and in a round."""
 
 WORK_VIEWS = 100
@@ -156,11 +156,16 @@ class SurfaceCover:
         self._look_about(chosen)
         chosen = self._refined(self._completed(chosen), MOVE_WORK)
         self._stage(0.95, 1.0)
-        for _ in range(ROUNDS):
+        best = NONE
+        for round_ in range(ROUNDS + 1):
             self._add_missed(chosen)
-            chosen = self._refined(self._completed(chosen), ROUND_WORK)
-        self._add_missed(chosen)
-        return self._problem(self._needed(self._completed(chosen)))
+            chosen = self._completed(chosen)
+            enough = self._needed(chosen)
+            if round_ == 0 or len(enough) < len(best):
+                best = enough
+            if round_ < ROUNDS:
+                chosen = self._refined(chosen, ROUND_WORK)
+        return self._problem(best)
 
     def _representatives(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
         """Sides to choose views on, evenly from each class of times seen, and how many sides each stands for."""

@@ -10,6 +10,7 @@ from embreex.mesh_construction import TriangleMesh
 from embreex.rtcore_scene import EmbreeScene
 
 from gcs.planning.compiled import compiled
+from gcs.planning.picture_kernels import LAST_PIECE_M
 from gcs.planning.worker_threads import in_threads
 
 if TYPE_CHECKING:
@@ -19,9 +20,6 @@ if TYPE_CHECKING:
 
 CABLE_SIDES = 12
 """A cable blocks sight as the prism around it: 3.5 % thicker than it is."""
-
-TOLERANCE_M = 1e-3
-"""The last piece before a target is not looked at."""
 
 LINES_AT_A_TIME = 16384
 
@@ -68,7 +66,7 @@ class SightLines:
             Rays(*(np.ones((1, 3), dtype=np.float32),) * 2, np.ones(1, dtype=np.float32))
         )  # builds the tree
 
-    def clear(self, origins: ArrayLike, targets: ArrayLike, tolerance: float = TOLERANCE_M) -> NDArray[np.bool_]:
+    def clear(self, origins: ArrayLike, targets: ArrayLike, tolerance: float = LAST_PIECE_M) -> NDArray[np.bool_]:
         """Whether nothing lies between; many lines are looked along in several threads.
 
         Args:

@@ -107,6 +107,7 @@ def plan_detail(**changes: Any) -> plans.PlanDetail:
         "coverage": {
             "points_m": samples.tolist(), "normals": mesh.face_normals[faces].tolist(), "samples": len(samples),
             "seen": (samples[:, 2] > 4).tolist(), "coverable": (samples[:, 2] > 1.5).tolist(),
+            "verdicts": ["seen" if z > 4 else "left_out" if z > 1.5 else "too_close" for z in samples[:, 2]],
         },
     }  # fmt: skip
     return plans.PlanDetail.model_validate({**values, **changes})
