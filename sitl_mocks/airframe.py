@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from gcs.planning.geometric_controller import ControllerGains
-from gcs.planning.quadrotor import GRAVITY_M_S2, QuadrotorParameters, resting_state
+from gcs.planning.dynamics.geometric_controller import ControllerGains
+from gcs.planning.dynamics.quadrotor import GRAVITY_M_S2, QuadrotorParameters, resting_state
 from sitl_mocks import flight_kernel as kernel
 
 Array = NDArray[np.float64]

@@ -12,9 +12,9 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from gcs.planning.compiled import compiled
-from gcs.planning.geometric_controller import control
-from gcs.planning.quadrotor import step_quadrotor
+from gcs.planning.dynamics.geometric_controller import control
+from gcs.planning.dynamics.quadrotor import step_quadrotor
+from gcs.planning.numerics.compiled import compiled
 
 Array = NDArray[np.float64]
 

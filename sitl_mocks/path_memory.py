@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from gcs.planning.retrace import straightened
+from gcs.planning.flights.retrace import straightened
 
 Array = NDArray[np.float64]
 

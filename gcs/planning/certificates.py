@@ -14,11 +14,11 @@ import numpy as np
 from gcs.core.errors import InfeasibleError
 from gcs.core.plan import Certificates
 from gcs.core.progress import SilentProgress
-from gcs.planning.curve_figures import CurveFigures, measure
-from gcs.planning.image_sharpness import ImageSharpness, measure_sharpness
-from gcs.planning.safe_corridor import corridor_reach
-from gcs.planning.trajectory_builder import BuiltTrajectory
-from gcs.planning.viewing_angles import YAW_RATE_RAD_S
+from gcs.planning.trajectories.curve_figures import CurveFigures, measure
+from gcs.planning.trajectories.safe_corridor import corridor_reach
+from gcs.planning.trajectories.trajectory_builder import BuiltTrajectory
+from gcs.planning.views.image_sharpness import ImageSharpness, measure_sharpness
+from gcs.planning.views.viewing_angles import YAW_RATE_RAD_S
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from gcs.core.progress import Progress
     from gcs.core.scenario import Scenario
     from gcs.core.surface_coverage import SurfaceCoverage
-    from gcs.planning.point_distance import SceneDistance
+    from gcs.planning.scene.point_distance import SceneDistance
 
 VIEWPOINT_MISS_M = 0.05
 """How far the curve may pass from a viewpoint."""

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from gcs.planning.camera_footprint import faces_camera, in_image
 from gcs.planning.certificates import Check
-from gcs.planning.face_grid import face_cells, lifted_onto_surface, outward_normal, surface_tolerance_m
+from gcs.planning.views.camera_footprint import faces_camera, in_image
+from gcs.planning.views.face_grid import face_cells, lifted_onto_surface, outward_normal, surface_tolerance_m
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -17,9 +17,9 @@ if TYPE_CHECKING:
     from gcs.core.inspection import FaceTask
     from gcs.core.plan import FaceCoverage, Plan, Viewpoint
     from gcs.core.scenario import Scenario
-    from gcs.planning.face_grid import FaceCell
-    from gcs.planning.point_distance import SceneDistance
-    from gcs.planning.visibility import SightLines
+    from gcs.planning.scene.point_distance import SceneDistance
+    from gcs.planning.scene.visibility import SightLines
+    from gcs.planning.views.face_grid import FaceCell
 
 SAMPLES = 400
 WHOLE = 0.97

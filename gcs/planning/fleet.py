@@ -15,23 +15,23 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from gcs.core.errors import InfeasibleError, InputError
-from gcs.planning.battery_flights import Flight
-from gcs.planning.coverage import certify_coverage
-from gcs.planning.energy import energy_wh
-from gcs.planning.fleet_pads import pads_of_fleet
-from gcs.planning.fleet_schedule import schedule_fleet
-from gcs.planning.leg_table import LegTable
-from gcs.planning.order_split import OrderCosts, share_order
-from gcs.planning.partial_inspection import part_of_faces, part_of_scenario
+from gcs.planning.dynamics.energy import energy_wh
+from gcs.planning.flights.battery_flights import Flight
+from gcs.planning.flights.fleet_pads import pads_of_fleet
+from gcs.planning.flights.fleet_schedule import schedule_fleet
+from gcs.planning.flights.partial_inspection import part_of_faces, part_of_scenario
+from gcs.planning.flights.separation import Separation, least_separation
+from gcs.planning.paths.string_pulling import path_length
 from gcs.planning.planner import SAMPLES_OF_PARTS, Stopwatch, build_flight, plan_of_flight, prepare_scene
-from gcs.planning.run_exchange import HOME, exchange_stops
-from gcs.planning.separation import Separation, least_separation
-from gcs.planning.string_pulling import path_length
-from gcs.planning.time_allocation import FlightLimits
-from gcs.planning.tour import find_tour
-from gcs.planning.trajectory_builder import estimated_leg_time_s
-from gcs.planning.viewing_angles import HOLD_S, SETTLE_S
-from gcs.planning.viewpoints import find_viewpoints
+from gcs.planning.tours.leg_table import LegTable
+from gcs.planning.tours.order_split import OrderCosts, share_order
+from gcs.planning.tours.run_exchange import HOME, exchange_stops
+from gcs.planning.tours.tour import find_tour
+from gcs.planning.trajectories.time_allocation import FlightLimits
+from gcs.planning.trajectories.trajectory_builder import estimated_leg_time_s
+from gcs.planning.views.coverage import certify_coverage
+from gcs.planning.views.viewing_angles import HOLD_S, SETTLE_S
+from gcs.planning.views.viewpoints import find_viewpoints
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -44,8 +44,8 @@ if TYPE_CHECKING:
     from gcs.core.structure import Structure
     from gcs.core.surface_coverage import SurfaceCoverage
     from gcs.planning.planner import Scene
-    from gcs.planning.tour import Tour
-    from gcs.planning.viewpoint_pose import ViewpointPose
+    from gcs.planning.tours.tour import Tour
+    from gcs.planning.views.viewpoint_pose import ViewpointPose
 
 
 VISIT_S = SETTLE_S + HOLD_S

@@ -12,25 +12,25 @@ import numpy as np
 
 from gcs.core.errors import InfeasibleError
 from gcs.core.plan import Plan, Viewpoint
-from gcs.planning.battery_flights import flights_by_battery, join_flights
-from gcs.planning.bound_beside import bound_beside
 from gcs.planning.certificates import certify
-from gcs.planning.coverage import SAMPLES, certify_coverage
-from gcs.planning.distance_field import build_distance_field, choose_pitch
-from gcs.planning.energy import energy_wh, require_battery
-from gcs.planning.fence import fence_volume
-from gcs.planning.free_space import FreeSpace
-from gcs.planning.mesh_simplification import PLANNING_ERROR_M, planning_mesh
-from gcs.planning.partial_inspection import part_of_faces, part_of_scenario
-from gcs.planning.path_search import find_path
-from gcs.planning.point_distance import SceneDistance
-from gcs.planning.safe_corridor import corridor_reach
-from gcs.planning.string_pulling import path_length
-from gcs.planning.time_allocation import FlightLimits
-from gcs.planning.tour import Tour, find_tour
-from gcs.planning.trajectory_builder import build_trajectory, estimated_leg_time_s
-from gcs.planning.viewpoints import find_viewpoints, stand_off_reach
-from gcs.planning.ways_home import MARGIN_M
+from gcs.planning.dynamics.energy import energy_wh, require_battery
+from gcs.planning.flights.battery_flights import flights_by_battery, join_flights
+from gcs.planning.flights.partial_inspection import part_of_faces, part_of_scenario
+from gcs.planning.flights.ways_home import MARGIN_M
+from gcs.planning.paths.path_search import find_path
+from gcs.planning.paths.string_pulling import path_length
+from gcs.planning.scene.distance_field import build_distance_field, choose_pitch
+from gcs.planning.scene.fence import fence_volume
+from gcs.planning.scene.free_space import FreeSpace
+from gcs.planning.scene.mesh_simplification import PLANNING_ERROR_M, planning_mesh
+from gcs.planning.scene.point_distance import SceneDistance
+from gcs.planning.tours.tour import Tour, find_tour
+from gcs.planning.trajectories.safe_corridor import corridor_reach
+from gcs.planning.trajectories.time_allocation import FlightLimits
+from gcs.planning.trajectories.trajectory_builder import build_trajectory, estimated_leg_time_s
+from gcs.planning.views.bound_beside import bound_beside
+from gcs.planning.views.coverage import SAMPLES, certify_coverage
+from gcs.planning.views.viewpoints import find_viewpoints, stand_off_reach
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -42,10 +42,10 @@ if TYPE_CHECKING:
     from gcs.core.scenario import Scenario
     from gcs.core.structure import Structure
     from gcs.core.surface_coverage import SurfaceCoverage
-    from gcs.planning.battery_flights import Flight
-    from gcs.planning.cover_bound import CoverBound
-    from gcs.planning.trajectory_builder import BuiltTrajectory
-    from gcs.planning.viewpoint_pose import ViewpointPose
+    from gcs.planning.flights.battery_flights import Flight
+    from gcs.planning.trajectories.trajectory_builder import BuiltTrajectory
+    from gcs.planning.views.cover_bound import CoverBound
+    from gcs.planning.views.viewpoint_pose import ViewpointPose
 
 MOST_STAND_OFF_M = 40.0
 """Room about the structure that is searched at most, whatever the camera could see from."""

@@ -10,15 +10,15 @@ import numpy as np
 from gcs.core.progress import SilentProgress
 from gcs.core.surface_coverage import Verdict
 from gcs.planning.certificates import Check
-from gcs.planning.coverage import SAMPLES, certify_coverage
-from gcs.planning.fence import fence_volume
-from gcs.planning.viewpoint_pose import gimbal_pitch_range_rad
+from gcs.planning.scene.fence import fence_volume
+from gcs.planning.views.coverage import SAMPLES, certify_coverage
+from gcs.planning.views.viewpoint_pose import gimbal_pitch_range_rad
 
 if TYPE_CHECKING:
     from gcs.core.plan import Plan
     from gcs.core.structure import Structure
     from gcs.core.surface_coverage import SurfaceCoverage
-    from gcs.planning.point_distance import SceneDistance
+    from gcs.planning.scene.point_distance import SceneDistance
 
 OTHER_SEED = 20_011
 """The surface is sampled anew: with another seed than any planner option has."""

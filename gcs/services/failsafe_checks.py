@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from gcs.core.vehicle import Failsafe
-    from gcs.planning.ways_home import Intervals, WaysHome
+    from gcs.planning.flights.ways_home import Intervals, WaysHome
     from gcs.services.flight_types import PreflightCheck
 
 MODES = {

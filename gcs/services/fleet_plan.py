@@ -11,7 +11,7 @@ import numpy as np
 from gcs.core.errors import InputError
 from gcs.core.progress import SilentProgress
 from gcs.planning.certificates import Check
-from gcs.planning.separation import TOLERANCE_M, TimedCurve, least_separation
+from gcs.planning.flights.separation import TOLERANCE_M, TimedCurve, least_separation
 from gcs.services.plan_writing import account
 from gcs.storage.fleet_files import FleetDocument, FleetVehicle, read_fleet, write_fleet
 from gcs.storage.plan_files import part_directories, plan_hash, read_plan

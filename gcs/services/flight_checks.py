@@ -12,10 +12,10 @@ import numpy as np
 
 from gcs.core.clock import utc_now
 from gcs.core.errors import GcsError, InfeasibleError, LinkError, RefusedError
-from gcs.planning.point_distance import SceneDistance
-from gcs.planning.retrace import memory_settings, retrace_problem
-from gcs.planning.stream_loss import slow_for_stream_loss
-from gcs.planning.ways_home import check_ways_home, return_is_clear
+from gcs.planning.flights.retrace import memory_settings, retrace_problem
+from gcs.planning.flights.ways_home import check_ways_home, return_is_clear
+from gcs.planning.scene.point_distance import SceneDistance
+from gcs.planning.trajectories.stream_loss import slow_for_stream_loss
 from gcs.services import preflight
 from gcs.services.failsafe_checks import OwnWaysOfVehicle, check_failsafes_along
 from gcs.services.flight_types import PreflightCheck, PreflightReport
@@ -31,8 +31,8 @@ if TYPE_CHECKING:
     from gcs.core.vehicle import Failsafe, VehicleLimits
     from gcs.core.way_home import ReturnFlight
     from gcs.mavlink.vehicle import Vehicle
-    from gcs.planning.retiming import TimeWarp
-    from gcs.planning.ways_home import Intervals, WaysHome
+    from gcs.planning.flights.ways_home import Intervals, WaysHome
+    from gcs.planning.trajectories.retiming import TimeWarp
     from gcs.storage.records import FlightRecord
 
 DEFAULT_OFFBOARD_TIMEOUT_S = 3.0

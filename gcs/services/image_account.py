@@ -12,7 +12,7 @@ import numpy as np
 
 from gcs.core.errors import InputError, NotFoundError
 from gcs.core.frames import enu_from_geodetic
-from gcs.planning.image_matching import match_images
+from gcs.planning.views.image_matching import match_images
 from gcs.services.flight_tracker import REACHED_M
 from gcs.services.image_metadata import read_metadata
 from gcs.storage.records import FlightState, ImageState

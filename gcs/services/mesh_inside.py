@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from gcs.core.structure import Structure
-from gcs.planning.surface_samples import sample_surface
-from gcs.planning.visibility import SightLines
+from gcs.planning.scene.visibility import SightLines
+from gcs.planning.views.surface_samples import sample_surface
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

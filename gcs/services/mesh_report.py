@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from gcs.core.structure import Structure
-from gcs.planning.mesh_simplification import PLANNING_ERROR_M, planning_mesh
+from gcs.planning.scene.mesh_simplification import PLANNING_ERROR_M, planning_mesh
 from gcs.services.mesh_inside import DIRECTIONS, SAMPLED_POINTS, inner_share
 from gcs.services.mesh_topology import MeshTopology, mesh_topology
 from gcs.storage.mesh_cleaning import CleanMesh, clean_mesh

@@ -15,7 +15,7 @@ from gcs.core.frames import GeoPoint, geodetic_from_enu
 from gcs.core.mission import PLACE_COMMANDS, Mission, MissionItem
 from gcs.core.vehicle import Autopilot
 from gcs.mavlink.mission_items import MissionLimits, build_mission
-from gcs.planning.mission_sampling import CHORD_ERROR_M, sample_mission_path
+from gcs.planning.trajectories.mission_sampling import CHORD_ERROR_M, sample_mission_path
 
 if TYPE_CHECKING:
     from gcs.core.plan import Plan

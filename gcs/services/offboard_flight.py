@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from gcs.core.plan import Plan, Viewpoint
     from gcs.mavlink.offboard import OffboardSession
     from gcs.mavlink.vehicle import Vehicle
-    from gcs.planning.retiming import TimeWarp
+    from gcs.planning.trajectories.retiming import TimeWarp
     from gcs.services.flight_recorder import FlightRecorder
     from gcs.services.image_collector import ImageCollector
 

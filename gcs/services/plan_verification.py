@@ -9,14 +9,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from gcs.core.errors import GcsError, InputError
-from gcs.planning.camera_footprint import faces_camera, in_image
 from gcs.planning.certificates import Check, recheck
-from gcs.planning.energy import energy_wh, usable_wh
+from gcs.planning.dynamics.energy import energy_wh, usable_wh
 from gcs.planning.face_certificate import recheck_faces
-from gcs.planning.own_ways import find_own_ways
-from gcs.planning.point_distance import SceneDistance
-from gcs.planning.viewpoints import points_to_inspect
-from gcs.planning.visibility import SightLines
+from gcs.planning.flights.own_ways import find_own_ways
+from gcs.planning.scene.point_distance import SceneDistance
+from gcs.planning.scene.visibility import SightLines
+from gcs.planning.views.camera_footprint import faces_camera, in_image
+from gcs.planning.views.viewpoints import points_to_inspect
 from gcs.services.coverage_verification import check_gimbal, recheck_coverage
 from gcs.services.fleet_plan import verify_fleet
 from gcs.services.mission_files import mission_files
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
     from gcs.core.plan import Plan
     from gcs.core.structure import Structure
-    from gcs.planning.ways_home import Intervals
+    from gcs.planning.flights.ways_home import Intervals
 
 POINT_INCIDENCE_RAD = math.radians(60.0)
 GSD_SLACK = 1.001

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
-from gcs.planning.own_ways import describe_own_ways, find_own_ways
-from gcs.planning.point_distance import SceneDistance
+from gcs.planning.flights.own_ways import describe_own_ways, find_own_ways
+from gcs.planning.scene.point_distance import SceneDistance
 from gcs.services.mission_files import mission_files
 from gcs.services.report_page import report_page
 from gcs.storage.plan_files import plan_contents, plan_report, write_plan

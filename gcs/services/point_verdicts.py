@@ -11,9 +11,9 @@ import numpy as np
 from gcs.core.errors import InputError
 from gcs.core.progress import SilentProgress
 from gcs.core.surface_coverage import Verdict
-from gcs.planning.coverage import judge_targets
-from gcs.planning.fence import fence_volume
-from gcs.planning.point_distance import SceneDistance
+from gcs.planning.scene.fence import fence_volume
+from gcs.planning.scene.point_distance import SceneDistance
+from gcs.planning.views.coverage import judge_targets
 from gcs.storage.plan_files import read_plan, read_structure
 
 if TYPE_CHECKING:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from gcs.planning.own_ways import describe_own_ways
+from gcs.planning.flights.own_ways import describe_own_ways
 from gcs.services.report_coverage import STYLE as COVERAGE_STYLE
 from gcs.services.report_coverage import coverage_section
 from gcs.services.report_pictures import scene_view, speed_chart

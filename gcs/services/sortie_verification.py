@@ -10,7 +10,7 @@ import numpy as np
 
 from gcs.core.errors import InputError
 from gcs.planning.certificates import Check
-from gcs.planning.energy import energy_wh, usable_wh
+from gcs.planning.dynamics.energy import energy_wh, usable_wh
 from gcs.storage.plan_files import part_directories, read_plan
 
 if TYPE_CHECKING:

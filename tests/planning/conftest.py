@@ -43,7 +43,7 @@ def tower():
 
 @pytest.fixture(scope="session")
 def tower_distance(tower):
-    from gcs.planning.point_distance import SceneDistance
+    from gcs.planning.scene.point_distance import SceneDistance
 
     return SceneDistance(tower, 0.0)
 
@@ -51,8 +51,8 @@ def tower_distance(tower):
 @pytest.fixture(scope="session")
 def tower_flight(tower_scenario):
     """Home, the four sides of the tower, home: everything that certificates are about."""
-    from gcs.planning.trajectory_builder import build_trajectory
-    from gcs.planning.viewpoint_pose import camera_axes
+    from gcs.planning.trajectories.trajectory_builder import build_trajectory
+    from gcs.planning.views.viewpoint_pose import camera_axes
 
     home = np.array(tower_scenario.home_m)
     stops = np.array([[-10.0, 0, 10], [0, -10, 14], [10, 0, 12], [0, 10, 18]])

@@ -12,8 +12,8 @@ from gcs.core.progress import SilentProgress
 from gcs.core.scenario import Fence
 from gcs.core.trajectory import AngleProfile, PiecewisePolynomial
 from gcs.planning.certificates import CertificateError, certify, check_figures, recheck
-from gcs.planning.curve_figures import measure
-from gcs.planning.point_distance import SceneDistance
+from gcs.planning.scene.point_distance import SceneDistance
+from gcs.planning.trajectories.curve_figures import measure
 
 CARRIED = {"coverage": None, "tour_cost": 1.0, "tour_lower_bound": 0.9, "energy_wh": 5.0, "open_sky": 1.0}
 

@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from gcs.core.progress import SilentProgress
 from gcs.core.scenario import parse_scenario
-from gcs.planning.point_distance import TriangleDistance
+from gcs.planning.scene.point_distance import TriangleDistance
 from gcs.services.plan_service import write_planned
 from gcs.services.plan_verification import verify_plan
 

@@ -7,7 +7,7 @@ from gcs.core.vehicle import FlightMode
 from gcs.core.way_home import OwnAction
 from gcs.mavlink.autopilots.ardupilot import ArduPilot
 from gcs.mavlink.autopilots.px4 import Px4
-from gcs.planning.ways_home import WaysHome
+from gcs.planning.flights.ways_home import WaysHome
 from gcs.services.failsafe_checks import OwnWaysOfVehicle, check_failsafes_along
 from gcs.storage.records import FlightPath
 

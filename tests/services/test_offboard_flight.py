@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from gcs.core.trajectory import AngleProfile, PiecewisePolynomial
-from gcs.planning.retiming import TimeWarp
+from gcs.planning.trajectories.retiming import TimeWarp
 from gcs.services.offboard_flight import OffboardFlight, column_times
 
 STEP_S = 0.005

@@ -14,8 +14,8 @@ import yaml
 from gcs.core.clock import utc_now
 from gcs.core.errors import ConflictError, InfeasibleError, InputError, RefusedError
 from gcs.core.vehicle import Autopilot
-from gcs.planning.energy import energy_wh
-from gcs.planning.sorties import BATTERY_SWAP_S
+from gcs.planning.dynamics.energy import energy_wh
+from gcs.planning.flights.sorties import BATTERY_SWAP_S
 from gcs.services.live_feed import LiveFeed
 from gcs.services.mission_files import mission_of_plan
 from gcs.services.plan_service import PlanService, plan_to_directory

@@ -12,8 +12,8 @@ from scipy.sparse.csgraph import connected_components
 
 from gcs.core.scenario import parse_scenario
 from gcs.core.structure_source import StructureSource
-from gcs.planning.point_distance import SceneDistance, TriangleDistance
-from gcs.planning.surface_samples import sample_surface
+from gcs.planning.scene.point_distance import SceneDistance, TriangleDistance
+from gcs.planning.views.surface_samples import sample_surface
 from gcs.storage.mesh_files import AVAILABLE_SAMPLES, load_structure, sample_inspection, sample_scenario
 from gcs.storage.sample_bridge_tower import bridge_tower
 from gcs.storage.sample_container_yard import container_yard, rail_axes_m, rail_top_m

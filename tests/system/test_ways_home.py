@@ -9,8 +9,8 @@ import yaml
 
 from gcs.core.frames import geodetic_from_enu
 from gcs.core.way_home import ReturnFlight
-from gcs.planning.point_distance import SceneDistance
-from gcs.planning.ways_home import return_is_clear
+from gcs.planning.flights.ways_home import return_is_clear
+from gcs.planning.scene.point_distance import SceneDistance
 from gcs.services.plan_service import plan_to_directory
 from gcs.storage.plan_files import read_plan, read_structure
 

@@ -24,12 +24,12 @@ import numpy as np
 from gcs.core.inspection import Inspection, SurfaceTask
 from gcs.core.progress import SilentProgress
 from gcs.core.scenario import Scenario, parse_scenario
-from gcs.planning.cover_bound import cover_bound
-from gcs.planning.coverage import SAMPLES, certify_coverage
 from gcs.planning.planner import prepare_scene
-from gcs.planning.surface_samples import sample_surface
-from gcs.planning.viewpoints import find_viewpoints
-from gcs.planning.visibility import SightLines
+from gcs.planning.scene.visibility import SightLines
+from gcs.planning.views.cover_bound import cover_bound
+from gcs.planning.views.coverage import SAMPLES, certify_coverage
+from gcs.planning.views.surface_samples import sample_surface
+from gcs.planning.views.viewpoints import find_viewpoints
 from gcs.services.benchmarks.lattice import lattice_mast
 from gcs.services.benchmarks.row import Row
 from gcs.services.warm_up import SCENARIO, tower

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from gcs.planning.unconstrained_minimum_snap import minimum_snap_spline
+from gcs.planning.trajectories.unconstrained_minimum_snap import minimum_snap_spline
 from gcs.services.benchmarks.exact_spline import exact_spline
 from gcs.services.benchmarks.row import Row, milliseconds
 

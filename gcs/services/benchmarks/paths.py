@@ -10,11 +10,11 @@ import numpy as np
 import trimesh
 
 from gcs.core.structure import Structure
-from gcs.planning.distance_field import build_distance_field
-from gcs.planning.free_space import FreeSpace
-from gcs.planning.grid_search import GridSearch
-from gcs.planning.path_search import find_path
-from gcs.planning.string_pulling import path_length
+from gcs.planning.paths.path_search import find_path
+from gcs.planning.paths.string_pulling import path_length
+from gcs.planning.scene.distance_field import build_distance_field
+from gcs.planning.scene.free_space import FreeSpace
+from gcs.planning.scene.grid_search import GridSearch
 from gcs.services.benchmarks.row import Row, milliseconds
 from gcs.services.benchmarks.stay_legs import stay_legs
 

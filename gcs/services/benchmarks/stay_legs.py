@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from gcs.core.structure_source import StructureSource
-from gcs.planning.distance_field import build_distance_field
-from gcs.planning.double_arc import APEXES, DoubleArc, cable_distance, cut_by_cable, double_arc
-from gcs.planning.free_space import FreeSpace
-from gcs.planning.path_search import find_path
-from gcs.planning.string_pulling import path_length
+from gcs.planning.paths.double_arc import APEXES, DoubleArc, cable_distance, cut_by_cable, double_arc
+from gcs.planning.paths.path_search import find_path
+from gcs.planning.paths.string_pulling import path_length
+from gcs.planning.scene.distance_field import build_distance_field
+from gcs.planning.scene.free_space import FreeSpace
 from gcs.services.benchmarks.row import Row, milliseconds
 from gcs.storage.mesh_files import load_structure
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from gcs.core.structure import Structure
-    from gcs.planning.double_arc import Reading
+    from gcs.planning.paths.double_arc import Reading
 
 CASE = "stays-bridge-tower"
 CLEARANCE_M = 2.4

@@ -12,12 +12,12 @@ from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
-from gcs.planning.generalised_tour import generalised_tour, target_costs
-from gcs.planning.genetic_tour import GeneticOptions, genetic_tour
-from gcs.planning.tour_bound import counting_bound, tour_lower_bound
-from gcs.planning.tour_costs import TourCosts
-from gcs.planning.tour_metric import EnergyMetric
-from gcs.planning.tour_solver import solve_point_tour, solve_tour
+from gcs.planning.tours.generalised_tour import generalised_tour, target_costs
+from gcs.planning.tours.genetic_tour import GeneticOptions, genetic_tour
+from gcs.planning.tours.tour_bound import counting_bound, tour_lower_bound
+from gcs.planning.tours.tour_costs import TourCosts
+from gcs.planning.tours.tour_metric import EnergyMetric
+from gcs.planning.tours.tour_solver import solve_point_tour, solve_tour
 from gcs.services.benchmarks.row import Row
 from gcs.services.benchmarks.tour_references import (
     OR_TOOLS,

@@ -14,16 +14,16 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from gcs.core.errors import InfeasibleError
-from gcs.planning.minimum_snap import minimum_snap, snap_cost
-from gcs.planning.qp_solver import ClarabelSolver, OsqpSolver, PiqpSolver
-from gcs.planning.safe_corridor import LegCorridor
+from gcs.planning.numerics.qp_solver import ClarabelSolver, OsqpSolver, PiqpSolver
+from gcs.planning.trajectories.minimum_snap import minimum_snap, snap_cost
+from gcs.planning.trajectories.safe_corridor import LegCorridor
 from gcs.services.benchmarks.free_trajectories import free_rows
 from gcs.services.benchmarks.row import Row
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from gcs.planning.qp_solver import QpSolver
+    from gcs.planning.numerics.qp_solver import QpSolver
 
 HALF_WIDTH_M = 0.8
 REPEATS = 5

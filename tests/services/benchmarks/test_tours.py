@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from gcs.planning.tour_costs import TourCosts
+from gcs.planning.tours.tour_costs import TourCosts
 from gcs.services.benchmarks import tour_references
 from gcs.services.benchmarks.tours import (
     METRIC,

@@ -1,0 +1,1 @@
+"""How a multirotor flies a curve, and the power that it takes."""

@@ -1,0 +1,1 @@
+"""A tour shared between batteries and vehicles, and the ways home."""

@@ -1,0 +1,1 @@
+"""Collision-free paths between two places."""

@@ -1,0 +1,1 @@
+"""In which order places are visited: solvers, metrics and lower bounds."""

@@ -1,0 +1,152 @@
+"""Viewpoints for named points: the stand-off along the normal, and tilted ones where that place will not do."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from gcs.core.errors import InfeasibleError
+from gcs.core.inspection import DEFAULT_POINT_FOOTPRINT_M
+from gcs.planning.scene.fence import room_in_fence
+from gcs.planning.views.picture_limits import distance_for
+from gcs.planning.views.viewpoint_pose import camera_angles, gimbal_pitch_range_rad, pose_towards
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+    from gcs.core.camera import Camera
+    from gcs.core.inspection import NamedPoint
+    from gcs.planning.scene.free_space import FreeSpace
+    from gcs.planning.scene.visibility import SightLines
+    from gcs.planning.views.picture_limits import NearestPlace
+    from gcs.planning.views.viewpoint_pose import ViewpointPose
+
+TILTS_DEG = (0, 10, 20, 30, 40, 50, 58)
+AZIMUTHS = 16
+FARTHER = (1.0, 1.05, 1.1, 1.2, 1.35, 1.5, 1.75, 2.0)
+"""Distances that are tried for a point without a GSD, in multiples of the stand-off."""
+
+TARGET_GAP_M = 0.02
+"""A named point may lie this deep under a bolt, a coat of paint or the mesh's own inaccuracy."""
+
+
+def stand_off_m(point: NamedPoint, camera: Camera, nearest: NearestPlace, furthest_m: float) -> float:
+    """The distance (m) from which a point is photographed if nothing is in the way.
+
+    With a GSD the furthest place that gives it; else the working distance of a 3 m wide picture (crane paper, eq. 2
+    mended), or the nearest possible one where that is more.
+
+    Raises:
+        InfeasibleError: the GSD asks for less than the nearest, or that is too far away.
+    """
+    furthest = distance_for(camera, point.gsd_mm, nearest, furthest_m, _field(point))
+    if point.gsd_mm is not None:
+        return furthest
+    return min(max(camera.distance_for_footprint(DEFAULT_POINT_FOOTPRINT_M), nearest.distance_m), furthest)
+
+
+def find_point_viewpoint(
+    point: NamedPoint, camera: Camera, nearest: NearestPlace, space: FreeSpace, sight: SightLines, furthest_m: float
+) -> ViewpointPose:
+    """The viewpoint of one named point.
+
+    The straight stand-off is taken if it is free, connected with home, in sight of the point and within the gimbal's
+    range. Else the least tilted direction within 60 degrees of the normal that is; among equally tilted ones those
+    under the open sky first, then the nearest to the wanted distance. With a GSD places go from its distance inwards
+    to the nearest, without one from the stand-off outwards to twice as far.
+
+    Args:
+        point: the point with its unit normal.
+        camera: the camera and its gimbal.
+        nearest: smallest distance from the point.
+        space: where the vehicle may be.
+        sight: what hides the point.
+        furthest_m: no place is further away.
+
+    Raises:
+        InfeasibleError: there is none; names the point and says what is in the way.
+    """
+    wanted = stand_off_m(point, camera, nearest, furthest_m)
+    if point.gsd_mm is None:
+        lengths = wanted * np.array(FARTHER)
+    else:
+        lengths = np.linspace(wanted, nearest.distance_m, len(FARTHER))
+    target = np.asarray(point.position_m)
+    directions, tilts = tilted_directions(np.asarray(point.normal), TILTS_DEG)
+    places = (target + lengths[None, :, None] * directions[:, None, :]).reshape(-1, 3)
+    tilt = np.repeat(tilts, len(lengths))
+    order = np.tile(np.arange(len(lengths)), len(directions))
+
+    free = space.is_free(places)
+    reachable = free.copy()
+    reachable[free] = space.is_reachable(places[free])
+    seen = reachable.copy()
+    seen[reachable] = sight.clear(places[reachable], np.broadcast_to(target, (int(reachable.sum()), 3)), TARGET_GAP_M)
+    lowest, highest = gimbal_pitch_range_rad(camera.gimbal.pitch_min_deg, camera.gimbal.pitch_max_deg)
+    _, pitch = camera_angles(target - places)
+    good = np.flatnonzero(seen & (pitch >= lowest) & (pitch <= highest))
+    if not len(good):
+        fenced = room_in_fence(places, space.model.fence) < space.model.tolerance
+        raise InfeasibleError(_reason(fenced, free, reachable, seen, space.clearance_m), field=_field(point))
+    covered = ~space.is_open_sky(places[good])
+    best = good[np.lexsort((order[good], covered, tilt[good]))[0]]
+    length = float(np.linalg.norm(target - places[best]))
+    return pose_towards(point.name, places[best], target - places[best], camera.gsd_at(length))
+
+
+def tilted_directions(
+    normal: NDArray[np.float64], tilts_deg: Sequence[float]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Unit vectors about a unit normal, AZIMUTHS for every tilt but 0, and their tilts (deg), in the tilts' order."""
+    reference = np.array([0.0, 0.0, 1.0]) if abs(normal[2]) < 0.9 else np.array([1.0, 0.0, 0.0])
+    side = np.cross(normal, reference)
+    side /= np.linalg.norm(side)
+    across = np.cross(normal, side)
+    result, tilts = [], []
+    for tilt in tilts_deg:
+        c, s = math.cos(math.radians(tilt)), math.sin(math.radians(tilt))
+        for k in range(AZIMUTHS if tilt else 1):
+            angle = 2 * math.pi * k / AZIMUTHS
+            result.append(c * normal + s * (math.cos(angle) * side + math.sin(angle) * across))
+            tilts.append(tilt)
+    return np.array(result), np.array(tilts, dtype=np.float64)
+
+
+def _field(point: NamedPoint) -> str:
+    return f"inspection.points.{point.name}"
+
+
+def _reason(
+    fenced: NDArray[np.bool_],
+    free: NDArray[np.bool_],
+    reachable: NDArray[np.bool_],
+    seen: NDArray[np.bool_],
+    clearance_m: float,
+) -> str:
+    within = "within 60 degrees of its normal"
+    if fenced.all():
+        return (
+            f"the fence leaves out every stand-off place {within}, the vehicle's size and its errors counted in: widen "
+            "the fence or leave the point out"
+        )
+    if not free.any():
+        besides = f"; {fenced.mean():.0%} of them are outside the fence" if fenced.any() else ""
+        return (
+            f"every stand-off place {within} is inside the structure, nearer than {clearance_m:.2f} m to something or "
+            f"below the ground{besides}: turn the normal outwards, or allow a smaller clearance"
+        )
+    if not reachable.any():
+        return (
+            f"the stand-off places {within} are inside the structure or enclosed by it: no way leads there from home; "
+            "turn the normal outwards"
+        )
+    if not seen.any():
+        return (
+            f"the structure hides it from every free stand-off place {within}, or it lies inside the structure: "
+            "check its position and normal"
+        )
+    return f"the gimbal cannot look at it from any free stand-off place {within}: its pitch range is too small"
