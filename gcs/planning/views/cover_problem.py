@@ -7,13 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from gcs.planning.numerics.compiled import compiled
-
 if TYPE_CHECKING:
     from numpy.typing import NDArray
-
-Ints = np.ndarray[tuple[int, ...], np.dtype[np.int64]]
-ShortInts = np.ndarray[tuple[int, ...], np.dtype[np.int32]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,37 +47,28 @@ class CoverProblem:
         return self.members[self.starts[candidate] : self.starts[candidate + 1]]
 
 
-def replicated(
+def without_twins(
     starts: NDArray[np.int64], members: NDArray[np.int32], weights: NDArray[np.int64]
-) -> tuple[NDArray[np.int64], NDArray[np.int32]]:
-    """The same sets over targets that are there as often as their weight says.
+) -> tuple[NDArray[np.int64], NDArray[np.int32], NDArray[np.int64]]:
+    """The same sets over fewer targets: one stands for all that are in the same sets, and weighs as much as they do.
 
     Args:
         starts: where each set's targets begin in `members`, shape (S + 1,).
         members: numbers of the targets, set after set.
-        weights: how often each target is to be there, shape (T,).
+        weights: of the targets, shape (T,).
 
     Returns:
-        `starts` and `members`; the copies of a target have numbers side by side, in the order of the targets.
+        `starts`, `members` and `weights`. Targets are told apart by the sum of random 64-bit numbers of their sets; the
+        chance that two of them are taken for twins is about T^2 / 2^64.
     """
-    return _replicated(starts, members, weights)
-
-
-@compiled
-def _replicated(starts: Ints, members: ShortInts, weights: Ints) -> tuple[Ints, ShortInts]:
-    first = np.zeros(weights.shape[0] + 1, np.int64)
-    for t in range(weights.shape[0]):
-        first[t + 1] = first[t] + weights[t]
-    new_starts = np.zeros(starts.shape[0], np.int64)
-    for s in range(starts.shape[0] - 1):
-        size = 0
-        for e in range(starts[s], starts[s + 1]):
-            size += weights[members[e]]
-        new_starts[s + 1] = new_starts[s] + size
-    result = np.empty(new_starts[-1], np.int32)
-    at = 0
-    for e in range(members.shape[0]):
-        for copy in range(first[members[e]], first[members[e] + 1]):
-            result[at] = copy
-            at += 1
-    return new_starts, result
+    number = np.random.default_rng(0).integers(np.iinfo(np.int64).max, size=len(starts) - 1)
+    sums = np.zeros(len(weights), dtype=np.int64)
+    np.add.at(sums, members, np.repeat(number, np.diff(starts)))
+    _, first, twin = np.unique(sums, return_index=True, return_inverse=True)
+    stands = np.zeros(len(weights), dtype=np.bool_)
+    stands[first] = True
+    kept = stands[members]
+    before = np.concatenate([[0], np.cumsum(kept)])
+    total = np.zeros(len(first), dtype=np.int64)
+    np.add.at(total, twin, weights)
+    return before[starts], twin[members[kept]].astype(np.int32), total

@@ -3,19 +3,22 @@
 With one set fewer than the best cover so far, the search looks for sets that cover as much as is wanted all the same.
 In each step up to four sets are taken out, a random one and such as share elements with it, and as many put in
 greedily; sets that have just been taken out stay out for a few steps. A step that leaves more uncovered is undone, but
-for few that leave hardly more. When enough is covered there is a new best cover, and one set is dropped. Gains of all
-sets are kept up to date element by element. (Ruin and recreate: Schrimpf et al. 2000.)
+for some that leave little more, the fewer the longer the search goes on (simulated annealing). When enough is covered
+there is a new best cover, and one set is dropped. Gains of all sets are kept up to date element by element. (Ruin and
+recreate: Schrimpf et al. 2000.)
 """
 
 from __future__ import annotations
 
 import math
+from functools import partial
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from gcs.planning.numerics.compiled import compiled
 from gcs.planning.numerics.worker_threads import in_threads
+from gcs.planning.views.cover_problem import without_twins
 from gcs.planning.views.set_cover import set_weights
 
 if TYPE_CHECKING:
@@ -35,10 +38,10 @@ PROBES = 4
 LONGEST_STAY = 10
 """For how many steps, at most, a set that was taken out stays out."""
 
-ONE_WORSE = 10
-"""One step in so many may leave a weight of one more uncovered."""
+WARMTH = 3.0
+"""Weight that a step may leave uncovered in addition with a chance of 1/e; at first, falling to nothing."""
 
-WORK_BETWEEN_POLLS = 20_000_000
+WORK_BETWEEN_POLLS = 5_000_000
 
 Ints = np.ndarray[tuple[int, ...], np.dtype[np.int64]]
 ShortInts = np.ndarray[tuple[int, ...], np.dtype[np.int32]]
@@ -90,6 +93,8 @@ class _State(NamedTuple):
 
 INSIDE, BEST, UNCOVERED, STEPS, RANDOM = range(5)
 
+RANDOM_STEPS = 1_000_000
+
 
 def refine_cover(
     starts: NDArray[np.int64],
@@ -119,16 +124,16 @@ def refine_cover(
     Returns:
         Sets that cover at least `wanted`, at most as many as were given.
     """
+    starts, members, weights = without_twins(starts, members, weights)
     by_element, sets = _transposed(starts, members, len(weights))
     preferred = np.ones(len(starts) - 1) if preference is None else preference
     problem = _Problem(starts, members, weights, by_element, sets, preferred, int(weights.sum()) - wanted)
     searches = [_begun(problem, chosen, int(seed)) for seed in rng.integers(1, 2**62, SEARCHES)]
 
-    def go_on(state: _State) -> None:
-        _search(problem, state, WORK_BETWEEN_POLLS)
-
-    for _ in range(math.ceil(work / WORK_BETWEEN_POLLS)):
-        in_threads(go_on, searches)
+    pieces = math.ceil(work / WORK_BETWEEN_POLLS)
+    for piece in range(pieces):
+        warmth = WARMTH * (1 - piece / pieces)
+        in_threads(partial(_search, problem, most=WORK_BETWEEN_POLLS, warmth=warmth), searches)
         if poll is not None:
             poll()
     best = min(searches, key=lambda state: int(state.numbers[BEST]))
@@ -236,6 +241,12 @@ def _put_all_in(problem: _Problem, state: _State, chosen: Ints) -> None:
 
 
 @compiled
+def _worth_keeping(state: _State, worse: int, warmth: float) -> bool:
+    """Whether a step that leaves so much more uncovered is kept."""
+    return worse <= 0 or worse < -warmth * math.log((1 + _random_below(state, RANDOM_STEPS)) / RANDOM_STEPS)
+
+
+@compiled
 def _random_below(state: _State, limit: int) -> int:
     """A random number from 0 to limit - 1 (xorshift)."""
     x = state.numbers[RANDOM]
@@ -303,7 +314,7 @@ def _ruin(problem: _Problem, state: _State, out: Ints) -> tuple[int, int]:
 
 
 @compiled
-def _search(problem: _Problem, state: _State, most: int) -> None:
+def _search(problem: _Problem, state: _State, most: int, warmth: float) -> None:
     """Go on for `most` updates of a gain."""
     out = np.empty(MOST_OUT, np.int64)
     put = np.empty(MOST_OUT, np.int64)
@@ -329,8 +340,7 @@ def _search(problem: _Problem, state: _State, most: int) -> None:
             put[added] = s
             added += 1
             work += _put_in(problem, state, s)
-        worse = state.numbers[UNCOVERED] - uncovered
-        if added < taken or worse > 1 or (worse == 1 and _random_below(state, ONE_WORSE) > 0):
+        if added < taken or not _worth_keeping(state, state.numbers[UNCOVERED] - uncovered, warmth):
             for k in range(added):
                 work += _take_out(problem, state, put[k])
             for k in range(taken):

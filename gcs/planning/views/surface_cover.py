@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.spatial import cKDTree
 
-from gcs.planning.views.cover_problem import CoverProblem, replicated
+from gcs.planning.views.cover_problem import CoverProblem
 from gcs.planning.views.cover_refinement import refine_cover
 from gcs.planning.views.set_cover import greedy_cover, set_weights, without_needless
 from gcs.planning.views.surface_candidates import STAGE, CandidateViews, nothing, with_more_targets
@@ -58,11 +58,8 @@ AS_GOOD = 0.9
 AIMED_PLACES = 4
 """Places that are tried for a target that no candidate shows."""
 
-ROUNDS = 3
-"""How often a choice is judged on all sides, and refined with those that it misses among the targets."""
-
-FIRST_WORK, MOVE_WORK, ROUND_WORK = 4e7, 8e7, 6e7
-"""Updates of a gain in each search for a smaller cover: at first, with the moved views, and in a round."""
+FIRST_WORK, MOVE_WORK, LAST_WORK = 2e7, 4e7, 1.5e8
+"""Updates of a gain in each search for a smaller cover: at first, with the moved views, and on all sides."""
 
 WORK_VIEWS = 100
 """Covers of fewer views than this take as much less work."""
@@ -151,21 +148,12 @@ class SurfaceCover:
         self._show_the_rest()
         self._stage(0.6, 0.8)
         chosen = self._refined(self._completed(NONE), FIRST_WORK)
-        self._stage(0.8, 0.95)
-        self._add_missed(chosen)
+        self._stage(0.8, 0.9)
         self._look_about(chosen)
         chosen = self._refined(self._completed(chosen), MOVE_WORK)
-        self._stage(0.95, 1.0)
-        best = NONE
-        for round_ in range(ROUNDS + 1):
-            self._add_missed(chosen)
-            chosen = self._completed(chosen)
-            enough = self._needed(chosen)
-            if round_ == 0 or len(enough) < len(best):
-                best = enough
-            if round_ < ROUNDS:
-                chosen = self._refined(chosen, ROUND_WORK)
-        return self._problem(best)
+        self._stage(0.9, 1.0)
+        self._take_all_sides()
+        return self._problem(self._refined(self._completed(chosen), LAST_WORK))
 
     def _representatives(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
         """Sides to choose views on, evenly from each class of times seen, and how many sides each stands for."""
@@ -270,14 +258,13 @@ class SurfaceCover:
     def _shown_by_none(self) -> NDArray[np.int64]:
         return np.flatnonzero(np.bincount(self.views.members, minlength=len(self._which)) == 0)
 
-    def _add_missed(self, chosen: NDArray[np.int64]) -> None:
-        """Make those sides targets that some views do not show and that are none yet; they stand for themselves."""
-        _, members = self._search.shown(self.views[chosen], self._sides, self._tell)
+    def _take_all_sides(self) -> None:
+        """Make every side a target that stands for itself alone."""
         left = np.ones(len(self._sides), dtype=np.bool_)
-        left[members] = False
         left[self._which] = False
-        missed = np.flatnonzero(left)
-        self._add_targets(missed, np.ones(len(missed), dtype=np.int64))
+        others = np.flatnonzero(left)
+        self._add_targets(others, np.ones(len(others), dtype=np.int64))
+        self._weights = np.ones(len(self._which), dtype=np.int64)
         self._show_the_rest()
 
     def _add_targets(self, which: NDArray[np.int64], weights: NDArray[np.int64]) -> None:
@@ -325,18 +312,12 @@ class SurfaceCover:
             poll=self._poll,
         )
 
-    def _needed(self, chosen: NDArray[np.int64]) -> NDArray[np.int64]:
-        """Without those that are not needed for what is wanted of all sides."""
-        starts, members = self._search.shown(self.views[chosen], self._sides, self._tell)
-        each = np.ones(len(self._sides), dtype=np.int64)
-        return chosen[without_needless(starts, members, each, np.arange(len(chosen)), len(each) - self._spare)]
-
     def _problem(self, chosen: NDArray[np.int64]) -> CoverProblem:
-        """The cover of the targets, each there as often as there are sides that it stands for."""
-        starts, members = replicated(self.views.starts, self.views.members, self._weights)
-        targets = int(self._weights.sum())
+        """The cover of all sides."""
+        sides = len(self._which)
+        nothing_else = np.zeros(sides, dtype=np.bool_)
         wanted = min(self._wanted(), self._covered_weight(chosen))
-        return CoverProblem(starts, members, targets, np.zeros(targets, dtype=np.bool_), wanted, chosen)
+        return CoverProblem(self.views.starts, self.views.members, sides, nothing_else, wanted, chosen)
 
     def _stage(self, begun: float, ended: float) -> None:
         self._begun, self._ended = begun, ended
