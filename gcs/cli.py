@@ -78,6 +78,8 @@ def plan(scenario: Path, out: Path) -> None:
     click.echo(
         f"{c.length_m:.1f} m in {c.duration_s:.0f} s, {c.energy_wh:.0f} Wh, hull clearance {c.min_clearance_m:.2f} m"
     )
+    for prediction in result.report["predictions"]:
+        click.echo(f"on {prediction['autopilot']}: {prediction['why']}")
     for number, sortie in enumerate(result.plan.sorties, start=1):
         views, seconds, energy = len(sortie.viewpoints), sortie.duration_s, sortie.energy_wh
         click.echo(f"sortie {number}: {views} viewpoints in {seconds:.0f} s, {energy:.0f} Wh")
@@ -285,8 +287,9 @@ def demo(stay: bool, speedup: float, autopilot: str, port: int | None, data_dir:
 @click.argument("name", required=False)
 @click.option("--quick", is_flag=True, help="A small version of the same, in seconds.")
 @click.option("--mesh", type=click.Path(path_type=Path), help="A mesh of your own (coverage).")
+@click.option("--records", type=click.Path(path_type=Path), help="A folder of recorded flights (predictions).")
 @json_option
-def bench(name: str | None, quick: bool, mesh: Path | None, as_json: bool) -> None:
+def bench(name: str | None, quick: bool, mesh: Path | None, records: Path | None, as_json: bool) -> None:
     """List the benchmarks, or run the one called NAME."""
     from gcs.services.benchmarks.registry import list_benchmarks, run_benchmark
 
@@ -294,7 +297,7 @@ def bench(name: str | None, quick: bool, mesh: Path | None, as_json: bool) -> No
         for known, about in list_benchmarks().items():
             click.echo(f"{known:14s} {about}")
         return
-    result: dict[str, Any] = run_benchmark(name, quick=quick, mesh=mesh)
+    result: dict[str, Any] = run_benchmark(name, quick=quick, mesh=mesh, records=records)
     if not as_json:
         for row in result["rows"]:
             reference = "" if row["reference_value"] is None else f"   {row['reference']} {row['reference_value']:.6g}"

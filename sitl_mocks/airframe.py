@@ -10,11 +10,20 @@ from numpy.typing import ArrayLike, NDArray
 
 from gcs.planning.dynamics.geometric_controller import ControllerGains
 from gcs.planning.dynamics.quadrotor import GRAVITY_M_S2, QuadrotorParameters, resting_state
+from gcs.planning.dynamics.wind_gusts import WindGusts
 from sitl_mocks import flight_kernel as kernel
+from sitl_mocks.position_cascade import GAINS_SIZE, MEMORY_SIZE, CascadeGains
 
 Array = NDArray[np.float64]
 
 AIR_DENSITY_KG_M3 = 1.225
+
+BODIES = {
+    "usual": QuadrotorParameters(),
+    "sih": QuadrotorParameters(motor_time_constant_s=0.05, drag_n_s_m=(3.0, 3.0, 3.0)),
+}
+"""Bodies by name. `sih` has, per unit of mass, the drag and the motors of the simulation that is part of PX4, in which
+the recorded flights were flown: 1 N s/m at 1 kg, nine times as much as the usual one."""
 
 
 @dataclass(frozen=True)
@@ -65,9 +74,12 @@ class Airframe:
         start_m: where it stands; the ground is flat at this height.
         yaw_rad: which way it faces, from east counter-clockwise.
         limits: of the autopilot.
-        wind_m_s: velocity of the air, ENU.
+        wind_m_s: velocity of the air in the mean, ENU.
+        gust_m_s: standard deviation of its horizontal components.
+        seed: of the gusts.
         parameters: physical properties.
         battery_wh: capacity of the battery, full at the start.
+        cascade: gains by which setpoints are flown as PX4 flies them; the geometric controller does when None.
     """
 
     def __init__(
@@ -76,9 +88,12 @@ class Airframe:
         limits: FlightLimits,
         *,
         yaw_rad: float = math.pi / 2,
-        wind_m_s: ArrayLike = (0.0, 0.0, 0.0),
+        wind_m_s: tuple[float, float, float] = (0.0, 0.0, 0.0),
+        gust_m_s: float = 0.0,
+        seed: int = 0,
         parameters: QuadrotorParameters | None = None,
         battery_wh: float = 130.0,
+        cascade: CascadeGains | None = None,
     ) -> None:
         self.parameters = parameters or QuadrotorParameters()
         self.battery = Battery(battery_wh, self.parameters)
@@ -87,9 +102,14 @@ class Airframe:
         self.state = resting_state(self.start_m, yaw_rad)
         self._guidance = np.zeros(kernel.GUIDANCE_SIZE)
         self._guidance[kernel.YAW] = yaw_rad
-        self._wind = np.array(wind_m_s, dtype=np.float64)
+        self._gusts = WindGusts(wind_m_s, gust_m_s)
+        self._mean_wind = np.array(wind_m_s, dtype=np.float64)
+        self._rng = np.random.default_rng(seed)
+        self._wind = self._gusts.first(self._rng)
         self._packed = self.parameters.packed()
         self._gains = ControllerGains().packed()
+        self._cascade = np.zeros(GAINS_SIZE) if cascade is None else cascade.packed()
+        self._memory = np.zeros(MEMORY_SIZE)
         self._limits = limits.packed()
         self.limits = limits
 
@@ -98,6 +118,10 @@ class Airframe:
         if limits != self.limits:
             self.limits = limits
             self._limits = limits.packed()
+
+    def set_cascade(self, cascade: CascadeGains) -> None:
+        """Fly setpoints with other gains from now on."""
+        self._cascade = cascade.packed()
 
     @property
     def position_m(self) -> Array:
@@ -122,6 +146,20 @@ class Airframe:
         roll = math.atan2(2.0 * (w * x + y * z), 1.0 - 2.0 * (x * x + y * y))
         pitch = -math.asin(max(-1.0, min(1.0, 2.0 * (w * y - z * x))))
         return roll, pitch
+
+    @property
+    def asked_roll_pitch_yaw_rad(self) -> tuple[float, float, float] | None:
+        """Attitude that the position controller wants; roll and pitch as above. None with idle motors."""
+        force = self._guidance[kernel.ASKED_FORCE : kernel.ASKED_FORCE + 3]
+        if not self.running or not force[2] > 0.0:
+            return None
+        east, north, up = (float(c) for c in force / np.linalg.norm(force))
+        yaw = float(self._guidance[kernel.YAW])
+        forward, right = (
+            east * math.cos(yaw) + north * math.sin(yaw),
+            east * math.sin(yaw) - north * math.cos(yaw),
+        )
+        return math.asin(right), math.atan2(-forward, up), yaw
 
     @property
     def height_m(self) -> float:
@@ -216,16 +254,21 @@ class Airframe:
         self._guidance[kernel.DETOUR_PHASE] = kernel.DETOUR_OFF
 
     def step(self, steps: int) -> None:
-        """Let `steps * STEP_S` of simulated time pass."""
+        """Let `steps * STEP_S` of simulated time pass; the wind stays as it is meanwhile."""
+        if self._gusts.deviation_m_s > 0.0:
+            self._wind = self._gusts.after(self._wind, steps * kernel.STEP_S, self._rng)
         effort = kernel.fly(
             steps,
             self.state,
             self._guidance,
             self._limits,
             self._wind,
+            self._mean_wind,
             self.ground_m,
             self._packed,
             self._gains,
+            self._cascade,
+            self._memory,
         )
         self.battery.use(effort, steps * kernel.STEP_S)
 

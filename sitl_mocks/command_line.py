@@ -33,11 +33,13 @@ def _parser() -> argparse.ArgumentParser:
     add("--loss", type=float, default=0.0, help="packet loss each way, 0 to 1 (0)")
     add("--duplicate", type=float, default=0.0, help="share of packets that come twice (0)")
     add("--delay", type=float, default=0.0, help="packets are late by up to this many seconds, at random (0)")
-    add("--seed", type=int, default=0, help="of sensor noise and link faults (0)")
+    add("--seed", type=int, default=0, help="of sensor noise, gusts and link faults (0)")
     add("--param", action="append", default=[], metavar="NAME=VALUE", help="set a parameter (repeatable)")
     add("--uid", default="", metavar="HEX", help="hardware id for AUTOPILOT_VERSION.uid2, at most 18 bytes")
     add("--battery-wh", type=float, default=130.0, help="capacity of the battery (130)")
     add("--wind", default="0,0", metavar="EAST,NORTH[,UP]", help="velocity of the air in m/s (0,0)")
+    add("--gusts", type=float, default=0.0, metavar="M_S", help="standard deviation of the wind in m/s, by --seed (0)")
+    add("--body", choices=("usual", "sih"), default="usual", help="sih: as much drag as PX4's own simulation (usual)")
     add("--control-port", type=int, metavar="PORT", help="UDP port on loopback for tests; 0 for any free port")
     add("--exit-with-parent", action="store_true", help="end when the process that started this one has ended")
     return parser
@@ -66,6 +68,8 @@ def _run(given: argparse.Namespace) -> int:
             raise InputError("must be between 0 and 1", field=f"--{name}")
     if given.structure is not None and not given.structure.is_file():
         raise InputError(f"there is no file {given.structure}", field="--structure")
+    if not 0.0 <= given.gusts <= 30.0:
+        raise InputError("must be between 0 and 30", field="--gusts")
     wind = _numbers(given.wind, "--wind", {2, 3})
     options = SimulatorOptions(
         autopilot=given.autopilot,
@@ -86,6 +90,8 @@ def _run(given: argparse.Namespace) -> int:
         images_dir=given.images_dir,
         battery_wh=given.battery_wh,
         wind_m_s=(wind[0], wind[1], wind[2] if len(wind) > 2 else 0.0),
+        gust_m_s=given.gusts,
+        body=given.body,
         control_port=given.control_port,
         exit_with_parent=given.exit_with_parent,
     )

@@ -2,7 +2,9 @@
 
 The reference is made by one of two sources. The *governor* leads it to a target with bounded speed, acceleration and
 jerk, as the autopilots' own position modes do. The *setpoint* source takes it from the stream of an offboard
-controller. A detour may lift either by a smooth bump.
+controller. A detour may lift either by a smooth bump. The governor's reference is flown by the geometric controller,
+which is told drag and mean wind, as an autopilot's integrators know them in the long run. Setpoints are flown by the
+same controller, or by PX4's cascade, which has to find out.
 """
 
 from __future__ import annotations
@@ -13,8 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gcs.planning.dynamics.geometric_controller import control
-from gcs.planning.dynamics.quadrotor import step_quadrotor
+from gcs.planning.dynamics.quadrotor import GRAVITY_M_S2, step_quadrotor
 from gcs.planning.numerics.compiled import compiled
+from sitl_mocks.position_cascade import ATTITUDE_S2, ENABLED, TAN_TILT, cascade, settle
 
 Array = NDArray[np.float64]
 
@@ -30,7 +33,8 @@ SETPOINT_AGE = 19
 SETPOINT_POSITION, SETPOINT_VELOCITY, SETPOINT_ACCELERATION, SETPOINT_YAW = 20, 23, 26, 29
 SETPOINT_YAW_RATE = 30
 DETOUR_PHASE, DETOUR_TIME, DETOUR_HEIGHT, DETOUR_RISE_S = 31, 32, 33, 34
-GUIDANCE_SIZE = 35
+ASKED_FORCE = 35
+GUIDANCE_SIZE = 38
 
 SOURCE_NONE, SOURCE_GOVERNOR, SOURCE_SETPOINT = 0.0, 1.0, 2.0
 DETOUR_OFF, DETOUR_RISING, DETOUR_HOLDING, DETOUR_FALLING = 0.0, 1.0, 2.0, 3.0
@@ -49,7 +53,17 @@ _MAX_CORRECTION_M_S = 6.0
 
 @compiled
 def fly(
-    steps: int, state: Array, guidance: Array, limits: Array, wind: Array, ground: float, p: Array, g: Array
+    steps: int,
+    state: Array,
+    guidance: Array,
+    limits: Array,
+    wind: Array,
+    mean_wind: Array,
+    ground: float,
+    p: Array,
+    g: Array,
+    cascade_gains: Array,
+    memory: Array,
 ) -> float:
     """Advance one vehicle in place.
 
@@ -59,25 +73,45 @@ def fly(
         guidance: shape (`GUIDANCE_SIZE`,), laid out as above.
         limits: shape (`LIMITS_SIZE`,), laid out as above.
         wind: velocity of the air, ENU.
+        mean_wind: the same without gusts, which is what the governor's controller is told.
         ground: height of the ground, m.
         p: packed parameters of the quadrotor.
-        g: packed gains of the controller.
+        g: packed gains of the geometric controller.
+        cascade_gains: packed gains of PX4's controller; setpoints are flown by the geometric one if it is off.
+        memory: of PX4's controller.
 
     Returns:
         Integral of the sum of `thrust**1.5` over the motors, N^1.5 s, from which the battery's use follows.
     """
     reference = np.zeros(14)
     commands = np.zeros(4)
+    holding = np.zeros(3)
+    inner = g.copy()
+    inner[2:5] = cascade_gains[ATTITUDE_S2 : TAN_TILT + 1]
     effort = 0.0
     for _ in range(steps):
         if guidance[SOURCE] == SOURCE_NONE:
             commands[:] = 0.0
+        elif guidance[SOURCE] == SOURCE_SETPOINT and cascade_gains[ENABLED] > 0.0:
+            _follow_setpoint(guidance, limits)
+            wish = _lifted(guidance)
+            cascade(state, wish, limits, cascade_gains, memory, STEP_S, reference)
+            _set_yaw(guidance, reference)
+            _note_asked(state, reference, inner, guidance)
+            control(state, reference, p, inner, commands)
         else:
             if guidance[SOURCE] == SOURCE_GOVERNOR:
                 _govern(guidance, limits)
             else:
                 _follow_setpoint(guidance, limits)
-            _make_reference(state, guidance, limits, g, reference)
+            wish = _lifted(guidance)
+            _make_reference(state, guidance, wish, limits, g, reference)
+            if guidance[SOURCE] == SOURCE_GOVERNOR:
+                for i in range(3):
+                    holding[i] = p[8 + i] / p[0] * (wish[3 + i] - mean_wind[i])
+                    reference[6 + i] += holding[i]
+            settle(state, holding, memory)
+            _note_asked(state, reference, g, guidance)
             control(state, reference, p, g, commands)
         step_quadrotor(state, commands, wind, STEP_S, p)
         if state[2] <= ground:
@@ -220,14 +254,23 @@ def _detour(guidance: Array) -> tuple[float, float, float]:
 
 
 @compiled
-def _make_reference(state: Array, guidance: Array, limits: Array, g: Array, reference: Array) -> None:
+def _lifted(guidance: Array) -> Array:
+    """Position, velocity and acceleration of the reference, lifted by the detour."""
     height, speed, acceleration = _detour(guidance)
+    wish = guidance[POSITION : POSITION + 9].copy()
+    wish[2] += height
+    wish[5] += speed
+    wish[8] += acceleration
+    return wish
+
+
+@compiled
+def _make_reference(state: Array, guidance: Array, wish: Array, limits: Array, g: Array, reference: Array) -> None:
     # The position error enters as a correction of the speed, which is how the autopilots bound it.
     stiffness = g[0] / g[1]
     correction = np.empty(3)
     for i in range(3):
-        correction[i] = stiffness * (guidance[POSITION + i] - state[i])
-    correction[2] += stiffness * height
+        correction[i] = stiffness * (wish[i] - state[i])
     lean = math.sqrt(correction[0] ** 2 + correction[1] ** 2)
     if lean > _MAX_CORRECTION_M_S:
         correction[0] *= _MAX_CORRECTION_M_S / lean
@@ -235,16 +278,28 @@ def _make_reference(state: Array, guidance: Array, limits: Array, g: Array, refe
     correction[2] = min(max(correction[2], -_MAX_CORRECTION_M_S), _MAX_CORRECTION_M_S)
     for i in range(3):
         reference[i] = state[i]
-        reference[3 + i] = guidance[VELOCITY + i] + correction[i]
-        reference[6 + i] = guidance[ACCELERATION + i]
+        reference[3 + i] = wish[3 + i] + correction[i]
+        reference[6 + i] = wish[6 + i]
         reference[9 + i] = guidance[JERK + i]
-    reference[5] += speed
-    reference[8] += acceleration
     if limits[CLIP_SETPOINT_SPEED] > 0.0:
         lean = math.sqrt(reference[3] ** 2 + reference[4] ** 2)
         if lean > limits[MAX_HORIZONTAL]:
             reference[3] *= limits[MAX_HORIZONTAL] / lean
             reference[4] *= limits[MAX_HORIZONTAL] / lean
         reference[5] = min(max(reference[5], -limits[MAX_DESCENT]), limits[MAX_CLIMB])
+    _set_yaw(guidance, reference)
+
+
+@compiled
+def _note_asked(state: Array, reference: Array, g: Array, guidance: Array) -> None:
+    """Keep, for whoever asks, the thrust per mass that the position controller wants now."""
+    for i in range(3):
+        correction = g[0] * (reference[i] - state[i]) + g[1] * (reference[3 + i] - state[3 + i])
+        guidance[ASKED_FORCE + i] = reference[6 + i] + correction
+    guidance[ASKED_FORCE + 2] += GRAVITY_M_S2
+
+
+@compiled
+def _set_yaw(guidance: Array, reference: Array) -> None:
     reference[12] = guidance[YAW]
     reference[13] = guidance[YAW_RATE]

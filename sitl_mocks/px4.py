@@ -15,6 +15,7 @@ from sitl_mocks.dialect import AUTOPILOT_COMPONENT, CAMERA_COMPONENT, Message, m
 from sitl_mocks.flight_tasks import DescentProfile, Land, ReturnHome, Sink
 from sitl_mocks.mission_server import MissionServer
 from sitl_mocks.parameters import ParameterServer
+from sitl_mocks.position_cascade import CascadeGains
 from sitl_mocks.px4_failsafes import Px4Failsafes
 from sitl_mocks.px4_mission_run import Px4MissionRun
 from sitl_mocks.px4_mission_server import Px4MissionServer
@@ -169,6 +170,21 @@ class Px4Vehicle(SimulatedVehicle):
             jerk_m_s3=p["MPC_JERK_AUTO"],
             yaw_rate_rad_s=math.radians(p["MPC_YAWRAUTO_MAX"]),
             clips_setpoints=offboard,
+        )
+
+    def setpoint_gains(self) -> CascadeGains:
+        """See base class."""
+        p = self.parameters
+        return CascadeGains(
+            position=p["MPC_XY_P"],
+            position_z=p["MPC_Z_P"],
+            velocity=p["MPC_XY_VEL_P_ACC"],
+            velocity_i=p["MPC_XY_VEL_I_ACC"],
+            velocity_d=p["MPC_XY_VEL_D_ACC"],
+            velocity_z=p["MPC_Z_VEL_P_ACC"],
+            velocity_z_i=p["MPC_Z_VEL_I_ACC"],
+            velocity_z_d=p["MPC_Z_VEL_D_ACC"],
+            max_tilt_rad=math.radians(p["MPC_TILTMAX_AIR"]),
         )
 
     def descent(self) -> DescentProfile:
@@ -334,6 +350,7 @@ class Px4Vehicle(SimulatedVehicle):
             self.say_info("Executing Mission")
             self.flight.hold()
         elif mode is Mode.OFFBOARD:
+            self.airframe.set_cascade(self.setpoint_gains())
             self.flight.follow_setpoints()
 
     def _begin_descent(self, task: Land) -> None:

@@ -49,11 +49,19 @@ PX4_PARAMETERS: dict[str, tuple[float, int]] = {
     "MPC_TILTMAX_AIR": (45.0, REAL32),
     "MPC_TKO_SPEED": (2.0, REAL32),  # 1.5 on the real one
     "MPC_XY_CRUISE": (5.0, REAL32),
+    "MPC_XY_P": (0.95, REAL32),
+    "MPC_XY_VEL_D_ACC": (0.2, REAL32),
+    "MPC_XY_VEL_I_ACC": (0.4, REAL32),
     "MPC_XY_VEL_MAX": (12.0, REAL32),
+    "MPC_XY_VEL_P_ACC": (1.8, REAL32),
     "MPC_YAWRAUTO_MAX": (60.0, REAL32),
     "MPC_YAW_MODE": (0, INT32),
+    "MPC_Z_P": (1.0, REAL32),
+    "MPC_Z_VEL_D_ACC": (0.0, REAL32),
+    "MPC_Z_VEL_I_ACC": (2.0, REAL32),
     "MPC_Z_VEL_MAX_DN": (5.0, REAL32),  # 1.5 on the real one
     "MPC_Z_VEL_MAX_UP": (5.0, REAL32),  # 3 on the real one
+    "MPC_Z_VEL_P_ACC": (4.0, REAL32),
     "MPC_Z_V_AUTO_DN": (5.0, REAL32),  # 1.5 on the real one
     "MPC_Z_V_AUTO_UP": (5.0, REAL32),  # 3 on the real one
     "NAV_ACC_RAD": (2.0, REAL32),

@@ -59,6 +59,8 @@ class SimulatorOptions:
     images_dir: Path | None = None
     battery_wh: float = 130.0
     wind_m_s: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    gust_m_s: float = 0.0
+    body: str = "usual"
     control_port: int | None = None
     exit_with_parent: bool = False
 
@@ -131,6 +133,8 @@ class Simulator:
                 uid=o.uid,
                 battery_wh=o.battery_wh,
                 wind_m_s=o.wind_m_s,
+                gust_m_s=o.gust_m_s,
+                body=o.body,
                 replan=o.replan,
                 unix_start_s=time.time(),
             )

@@ -41,6 +41,7 @@ class Telemetry:
             m.MAVLINK_MSG_ID_GPS_RAW_INT: self._gps_raw_int,
             m.MAVLINK_MSG_ID_ATTITUDE: self._attitude,
             m.MAVLINK_MSG_ID_ATTITUDE_QUATERNION: self._attitude_quaternion,
+            m.MAVLINK_MSG_ID_ATTITUDE_TARGET: self._attitude_target,
             m.MAVLINK_MSG_ID_LOCAL_POSITION_NED: self._local_position_ned,
             m.MAVLINK_MSG_ID_GLOBAL_POSITION_INT: self._global_position_int,
             m.MAVLINK_MSG_ID_GPS_GLOBAL_ORIGIN: self._gps_global_origin,
@@ -150,6 +151,14 @@ class Telemetry:
         roll, pitch, yaw, rates = self._angles()
         q = quaternion(roll, pitch, yaw)
         return mavlink.MAVLink_attitude_quaternion_message(self._vehicle.boot_ms, *q, *rates)
+
+    def _attitude_target(self) -> Message | None:
+        asked = self._vehicle.airframe.asked_roll_pitch_yaw_rad
+        if asked is None:
+            return None
+        roll, pitch, yaw = asked
+        q = quaternion(roll, pitch, heading_from_yaw(yaw))
+        return mavlink.MAVLink_attitude_target_message(self._vehicle.boot_ms, 0, q, 0.0, 0.0, 0.0, 0.5)
 
     def _local_position_ned(self) -> Message | None:
         vehicle = self._vehicle

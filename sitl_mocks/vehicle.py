@@ -12,7 +12,7 @@ import os
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 
-from sitl_mocks.airframe import Airframe, FlightLimits
+from sitl_mocks.airframe import BODIES, Airframe, FlightLimits
 from sitl_mocks.camera import Camera, CameraFolder
 from sitl_mocks.channel import Channel, Stream
 from sitl_mocks.commands import (
@@ -31,6 +31,7 @@ from sitl_mocks.gimbal import Gimbal
 from sitl_mocks.mission_server import MissionServer
 from sitl_mocks.parameters import ParameterServer
 from sitl_mocks.picture import Exposure
+from sitl_mocks.position_cascade import CascadeGains
 from sitl_mocks.replanning import Replanner
 from sitl_mocks.scene_frame import SceneFrame
 from sitl_mocks.setpoints import Setpoint, setpoint_of_message
@@ -73,7 +74,14 @@ class SimulatedVehicle(ABC):
         self._speed_overrides: dict[int, float] = {}
         self._prepare()
         self.airframe = Airframe(
-            self.home_m, self.base_limits(), wind_m_s=options.wind_m_s, battery_wh=options.battery_wh
+            self.home_m,
+            self.base_limits(),
+            wind_m_s=options.wind_m_s,
+            gust_m_s=options.gust_m_s,
+            seed=options.seed,
+            parameters=BODIES[options.body],
+            battery_wh=options.battery_wh,
+            cascade=self.setpoint_gains(),
         )
         self.flight = FlightControl(self.airframe, self.base_limits)
         self.gimbal = Gimbal()
@@ -117,6 +125,10 @@ class SimulatedVehicle(ABC):
     @abstractmethod
     def base_limits(self) -> FlightLimits:
         """Limits of the position modes from the parameters."""
+
+    def setpoint_gains(self) -> CascadeGains | None:
+        """Gains by which it flies setpoints as PX4 does; None for a vehicle that tracks them closely."""
+        return None
 
     @abstractmethod
     def heartbeat(self) -> Message:

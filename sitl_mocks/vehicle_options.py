@@ -19,11 +19,13 @@ class VehicleOptions:
         anchor: origin of the scene.
         home: where it stands at the start.
         draw: draws pictures, in the background or at once.
-        seed: of the sensor noise.
+        seed: of the sensor noise and the gusts.
         parameters: overrides by name.
         uid: hardware id, at most 18 bytes.
         battery_wh: capacity.
-        wind_m_s: velocity of the air, ENU.
+        wind_m_s: velocity of the air in the mean, ENU.
+        gust_m_s: standard deviation of its horizontal components.
+        body: name of its body, one of `airframe.BODIES`.
         replan: leave the path once, upward, and report it.
         unix_start_s: UTC at the start of the vehicle's clock.
     """
@@ -37,6 +39,8 @@ class VehicleOptions:
     uid: bytes = b""
     battery_wh: float = 130.0
     wind_m_s: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    gust_m_s: float = 0.0
+    body: str = "usual"
     replan: bool = False
     unix_start_s: float = 1_790_000_000.0
 

@@ -15,6 +15,8 @@ DEFAULT_POINT_FOOTPRINT_M = 3.0
 MOST_CELLS = 10_000
 """Cells of all faces together; each is a stop of its own, and so many take a vehicle days."""
 
+MOST_SPOTS = 20_000
+
 SQUARE = math.sin(math.radians(0.5))
 """Sine of the largest error in the right angles of a face."""
 
@@ -32,13 +34,31 @@ class Region(Strict):
         return self
 
 
+class Spot(Strict):
+    """A place of the surface, with its outward normal, that the surface's pictures must not leave out."""
+
+    name: str = Field(min_length=1, max_length=80)
+    position_m: Point3
+    normal: Point3
+
+    @field_validator("normal")
+    @classmethod
+    def _unit(cls, normal: Point3) -> Point3:
+        return _unit_vector(normal)
+
+
 class SurfaceTask(Strict):
-    """Everything that can be seen from outside, or what lies in `regions`."""
+    """Everything that can be seen from outside, or what lies in `regions`.
+
+    The pictures may leave out a little that would take many more of them, but no spot. In a scenario file `spots` may
+    be the name of a table instead.
+    """
 
     gsd_mm: Positive
     overlap: Annotated[float, Field(ge=0, lt=0.95)] = 0.3
     max_incidence_deg: Annotated[float, Field(gt=0, lt=90)] = 60.0
     regions: tuple[Region, ...] = ()
+    spots: tuple[Spot, ...] = Field(default=(), max_length=MOST_SPOTS)
 
 
 class NamedPoint(Strict):

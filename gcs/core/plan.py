@@ -81,6 +81,8 @@ class Certificates:
     """Sides that the shares of coverage are taken from."""
     not_covered_m2: dict[str, float] | None = None
     """Area of the sides that are not seen, by what is in the way (`gcs.core.surface_coverage.Verdict`)."""
+    spots: dict[str, int] | None = None
+    """How many spots there are of each verdict; None when no spots are named."""
 
 
 @dataclass(frozen=True)
@@ -146,7 +148,8 @@ class Plan:
         viewpoints: in visiting order.
         path_m: collision-free polyline of straight legs from home through the viewpoints to home, shape (N, 3).
         path_stops: index into `path_m` of home, every viewpoint and home again, shape (len(viewpoints) + 2,).
-        corridor_m: low and high corner of each trajectory segment's box, shape (S, 2, 3).
+        corridor_m: low and high corner of each trajectory segment's box, shape (S, 2, 3); where it had to stay, or
+            without a corridor (`planner.trajectory`) what holds its control points.
         trajectory: the curve that is flown, at rest at both ends and at every viewpoint.
         yaw: vehicle yaw over time (from east, counter-clockwise).
         gimbal_pitch: camera pitch over time (0 level, negative down).

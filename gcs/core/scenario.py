@@ -116,13 +116,18 @@ class Fence(Strict):
 
 
 class PlannerOptions(Strict):
-    """Which methods are used; `mu` and `k` are those of the metric `energy`, `k sqrt(dx^2 + dy^2 + mu dz^2)`."""
+    """Which methods are used; `mu` and `k` are those of the metric `energy`, `k sqrt(dx^2 + dy^2 + mu dz^2)`.
+
+    `trajectory` is the curve of least snap about the path: through its corners (`plain`), through two points in the
+    place of each (`corrected`), through four (`geometric`), or anywhere in a corridor about it. Only a corridor holds
+    the curve within safety.corridor_half_width_m of the path; the others are refused where they come too near.
+    """
 
     tour: Literal["fast", "genetic", "given"] = "fast"
     metric: Literal["length", "time", "energy"] = "time"
     mu: NonNegative = 3.0
     k: Positive = 1.0
-    trajectory: Literal["corridor"] = "corridor"
+    trajectory: Literal["plain", "corrected", "geometric", "corridor"] = "corridor"
     seed: Annotated[int, Field(ge=0)] = 0
 
 

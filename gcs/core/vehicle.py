@@ -12,6 +12,7 @@ import numpy as np
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from gcs.core.flight_law import FlightLaw
     from gcs.core.frames import GeoPoint
     from gcs.core.way_home import OwnAction, RetraceMemory, ReturnFlight
 
@@ -152,6 +153,7 @@ class VehicleLimits:
         return_altitude_m: height above home of its own return.
         return_flight: how its own return flies.
         retrace: how it remembers the path that it came; None when it cannot fly back along it.
+        flight_law: how it flies missions and follows setpoints; None when that is not known.
     """
 
     max_speed_m_s: float | None
@@ -162,6 +164,7 @@ class VehicleLimits:
     return_altitude_m: float | None
     return_flight: ReturnFlight | None = None
     retrace: RetraceMemory | None = None
+    flight_law: FlightLaw | None = None
 
 
 LAST_BATTERY = "nearly empty battery"

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 from gcs.core.errors import RefusedError
 from gcs.mavlink.autopilots.base import CommandCall
 from gcs.mavlink.command_protocol import CommandExchange, NoAnswerError
@@ -26,6 +28,8 @@ RATES_HZ = {
 }
 """Messages and how often they are wanted. An autopilot that lacks one refuses it, which is fine. Pictures
 (CAMERA_IMAGE_CAPTURED, CAMERA_FEEDBACK) are events and come unasked; at a rate the last one would be repeated."""
+OFFBOARD_RATES_HZ = {mavlink.MAVLINK_MSG_ID_ATTITUDE_TARGET: 10.0}
+"""Wanted in addition from a vehicle that flies setpoints: how the tilt follows what its controller asks for."""
 GIVE_UP_AFTER = 2
 
 
@@ -39,14 +43,18 @@ def request_call(message_id: int) -> CommandCall:
     return CommandCall(mavlink.MAV_CMD_REQUEST_MESSAGE, (float(message_id),))
 
 
-async def request_rates(channel: VehicleChannel) -> bool:
-    """Ask for all of `RATES_HZ`, one after another, since acknowledgements do not say for which message they are.
+async def request_rates(channel: VehicleChannel, rates_hz: Mapping[int, float]) -> bool:
+    """Ask for messages, one after another, since acknowledgements do not say for which message they are.
+
+    Args:
+        channel: to the vehicle.
+        rates_hz: message id -> rate.
 
     Returns:
         False when the vehicle does not answer such commands at all.
     """
     unanswered = 0
-    for message_id, rate_hz in RATES_HZ.items():
+    for message_id, rate_hz in rates_hz.items():
         try:
             await channel.run(
                 CommandExchange(

@@ -10,6 +10,7 @@ from gcs.core.vehicle import FlightMode, VehicleIdentity
 from gcs.mavlink import events
 from gcs.mavlink.events import OffboardEnd
 from gcs.mavlink.flight_commands import FlightCommands
+from gcs.mavlink.message_rates import OFFBOARD_RATES_HZ, request_rates
 from gcs.mavlink.mode_guard import ModeChange
 from gcs.mavlink.offboard import OffboardSession, Setpoint, SetpointStream
 from gcs.mavlink.vehicle_channel import VehicleChannel
@@ -112,7 +113,14 @@ class Vehicle(VehicleFlight):
         finally:
             feeding.cancel()
         session.feed()
+        self._spawn(self._ask_for_tilt())
         return session
+
+    async def _ask_for_tilt(self) -> None:
+        try:
+            await request_rates(self._channel, OFFBOARD_RATES_HZ)
+        except GcsError as error:
+            log.info("%s was not asked for its wanted attitude: %s", self.identity.name, error)
 
     def _running_session(self) -> OffboardSession:
         if self._session is None or not self._session.active:

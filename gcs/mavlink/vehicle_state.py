@@ -10,6 +10,7 @@ from contextlib import AbstractAsyncContextManager
 from typing import Any, TypeVar
 
 from gcs.core.errors import GcsError, LinkError
+from gcs.core.motion import MotionSample
 from gcs.core.vehicle import (
     Autopilot,
     FlightMode,
@@ -28,8 +29,9 @@ from gcs.mavlink.command_protocol import command_long
 from gcs.mavlink.dialect import Message, mavlink
 from gcs.mavlink.events import EventStream, VehicleEvent
 from gcs.mavlink.link_quality import LinkQuality, SequenceMeter
-from gcs.mavlink.message_rates import request_call, request_rates
+from gcs.mavlink.message_rates import RATES_HZ, request_call, request_rates
 from gcs.mavlink.mode_guard import ModeChange, ModeGuard, Shown
+from gcs.mavlink.motion_samples import MotionSampler
 from gcs.mavlink.replan_tunnel import MalformedReport, ReportAssembler, ReportStatus, report_ack
 from gcs.mavlink.status_text import StatusTextAssembler
 from gcs.mavlink.telemetry_decoder import TelemetryDecoder
@@ -70,11 +72,13 @@ class VehicleState:
         self.uid: str | None = None
         self.capabilities: int | None = None
         self.on_event: Callable[[VehicleEvent], None] | None = None
+        self.on_motion: Callable[[MotionSample], None] | None = None
         self._channel = channel
         self._now = channel.clock
         self._lost_after_s = lost_after_s
         self._stack = STACKS[identity.autopilot]()
         self._decoder = TelemetryDecoder(self._stack)
+        self._motion = MotionSampler()
         self._guard = ModeGuard(self._stack)
         self._meter = SequenceMeter()
         self._texts = StatusTextAssembler()
@@ -121,6 +125,11 @@ class VehicleState:
     def hands_off_reason(self) -> str | None:
         """Who took over and how; None while the station may command."""
         return self._guard.hands_off
+
+    @property
+    def takes_acceleration_forward(self) -> bool:
+        """Whether the acceleration of a setpoint is only added to what its controller asks for."""
+        return self._stack.takes_acceleration_forward
 
     @property
     def in_air(self) -> bool:
@@ -187,6 +196,9 @@ class VehicleState:
             self._publish(events.TelemetryEvent(telemetry))
         if from_autopilot:
             self._handle_autopilot(kind, message, now)
+            sample = self._motion.take(message)
+            if sample is not None and self.on_motion is not None:
+                self.on_motion(sample)
         report = self._camera.take(message)
         if report is not None:
             self._publish(events.ImageEvent(report))
@@ -276,7 +288,7 @@ class VehicleState:
             self._asking = self._spawn(self._ask())
 
     async def _ask(self) -> None:
-        if not await request_rates(self._channel):
+        if not await request_rates(self._channel, RATES_HZ):
             self._ask_again_at = self._now() + ASK_AGAIN_S
         for _ in range(ASK_ONCE_TRIES):
             known = {

@@ -12,7 +12,7 @@ import numpy as np
 
 from gcs.core.errors import InfeasibleError
 from gcs.core.plan import Plan, Viewpoint
-from gcs.planning.certificates import certify
+from gcs.planning.certificates import CertificateError, certify
 from gcs.planning.dynamics.energy import energy_wh, require_battery
 from gcs.planning.flights.battery_flights import flights_by_battery, join_flights
 from gcs.planning.flights.partial_inspection import part_of_faces, part_of_scenario
@@ -28,9 +28,11 @@ from gcs.planning.tours.tour import Tour, find_tour
 from gcs.planning.trajectories.safe_corridor import corridor_reach
 from gcs.planning.trajectories.time_allocation import FlightLimits
 from gcs.planning.trajectories.trajectory_builder import build_trajectory, estimated_leg_time_s
+from gcs.planning.variant_advice import variant_advice
 from gcs.planning.views.bound_beside import bound_beside
 from gcs.planning.views.coverage import SAMPLES, certify_coverage
 from gcs.planning.views.viewpoints import find_viewpoints, stand_off_reach
+from gcs.planning.views.viewpoints_spots import judge_spots, spot_counts
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -399,19 +401,24 @@ def _certified(
         energies = [energy_wh(built.trajectory, scenario.vehicle, start, end) for start, end in ends]
         require_battery(max(energies), scenario.vehicle.battery)
         path, stops = _joined(tour)
-        certificates = certify(
-            built,
-            path,
-            viewpoints,
-            scenario,
-            scene.distance,
-            progress,
-            coverage=coverage,
-            tour_cost=tour.cost,
-            tour_lower_bound=tour.lower_bound,
-            energy_wh=sum(energies),
-            open_sky=_open_sky_share(scene.space, built),
-        )
+        try:
+            certificates = certify(
+                built,
+                path,
+                viewpoints,
+                scenario,
+                scene.distance,
+                progress,
+                coverage=coverage,
+                tour_cost=tour.cost,
+                tour_lower_bound=tour.lower_bound,
+                energy_wh=sum(energies),
+                open_sky=_open_sky_share(scene.space, built),
+                spots=_spots(scenario, structure, scene, viewpoints, progress),
+            )
+        except CertificateError as error:
+            advice = variant_advice(scenario, tour.legs_m, viewpoints, sorties, scene.distance, scene.space, progress)
+            raise CertificateError(f"{error.message}{advice}") from None
     return Plan(
         scenario=scenario,
         cables=structure.cables,
@@ -441,6 +448,16 @@ def _visited(number: int, place: int, pose: ViewpointPose | Viewpoint, built: Bu
         yaw_rad=pose.yaw_rad,
         gimbal_pitch_rad=pose.gimbal_pitch_rad,
     )
+
+
+def _spots(
+    scenario: Scenario, structure: Structure, scene: Scene, viewpoints: Sequence[Viewpoint], progress: Progress
+) -> dict[str, int] | None:
+    task = scenario.inspection.surface if scenario.inspection else None
+    if task is None or not task.spots:
+        return None
+    fence = scene.space.model.fence
+    return spot_counts(judge_spots(scenario, structure, task, viewpoints, fence, scene.distance, progress))
 
 
 def _joined(tour: Tour) -> tuple[NDArray[np.float64], NDArray[np.int64]]:

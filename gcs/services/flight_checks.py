@@ -18,8 +18,10 @@ from gcs.planning.scene.point_distance import SceneDistance
 from gcs.planning.trajectories.stream_loss import slow_for_stream_loss
 from gcs.services import preflight
 from gcs.services.failsafe_checks import OwnWaysOfVehicle, check_failsafes_along
+from gcs.services.flight_prediction import predict_flights
 from gcs.services.flight_types import PreflightCheck, PreflightReport
 from gcs.services.image_account import scene_position
+from gcs.services.mission_files import mission_of_plan
 from gcs.storage.plan_files import read_structure
 from gcs.storage.records import FlightPath
 
@@ -27,8 +29,9 @@ if TYPE_CHECKING:
     from collections.abc import Callable
     from pathlib import Path
 
+    from gcs.core.flight_law import FlightLaw
     from gcs.core.plan import Plan
-    from gcs.core.vehicle import Failsafe, VehicleLimits
+    from gcs.core.vehicle import Autopilot, Failsafe, VehicleLimits
     from gcs.core.way_home import ReturnFlight
     from gcs.mavlink.vehicle import Vehicle
     from gcs.planning.flights.ways_home import Intervals, WaysHome
@@ -87,12 +90,13 @@ class FlightChecks:
         ]
         if self._flight.mode is FlightPath.OFFBOARD:
             checks.append(await self._stream_loss(limits))
+        checks += await self._prediction(vehicle, limits)
         return self._report(checks, accepted)
 
     async def before_upload(self, vehicle: Vehicle, accepted: tuple[str, ...]) -> CheckedReport:
-        """Limits, failsafes and ways home; the return altitude is raised on the vehicle where that clears the way."""
+        """Limits, predicted flight, failsafes, ways home; the return altitude is raised where that clears the way."""
         limits = await vehicle.read_limits()
-        checks = preflight.check_limits(self._plan, limits)
+        checks = [*preflight.check_limits(self._plan, limits), *await self._prediction(vehicle, limits)]
         return await self._with_ways_home(vehicle, limits, checks, accepted)
 
     async def before_start(self, vehicle: Vehicle, accepted: tuple[str, ...]) -> CheckedReport:
@@ -102,6 +106,7 @@ class FlightChecks:
             *self._of_the_moment(vehicle),
             await self._datum(vehicle),
             *preflight.check_limits(self._plan, limits),
+            *await self._prediction(vehicle, limits),
         ]
         return await self._with_ways_home(vehicle, limits, checks, accepted)
 
@@ -171,6 +176,19 @@ class FlightChecks:
             preflight.check_fix(telemetry),
             preflight.check_energy(self._plan, telemetry),
         ]
+
+    async def _prediction(self, vehicle: Vehicle, limits: VehicleLimits) -> list[PreflightCheck]:
+        """How the vehicle will fly it with its settings; nothing where that is not known."""
+        found = await asyncio.to_thread(self._predicted, vehicle.identity.autopilot, limits.flight_law)
+        return [] if found is None else [found]
+
+    def _predicted(self, autopilot: Autopilot, law: FlightLaw | None) -> PreflightCheck | None:
+        mission = mission_of_plan(self._plan, autopilot)
+        scene = _scene(self._directory, self._plan.scenario.ground_m)
+        found = predict_flights(self._plan, scene, mission, autopilot, law)
+        if found is None:
+            return None
+        return preflight.check_prediction(found, offboard=self._flight.mode is FlightPath.OFFBOARD)
 
     async def _datum(self, vehicle: Vehicle) -> PreflightCheck:
         try:

@@ -1,4 +1,11 @@
-"""An offboard flight: the plan streamed as setpoints, halting at every viewpoint until its picture is taken."""
+"""An offboard flight: the plan streamed as setpoints, halting at every viewpoint until its picture is taken.
+
+What the vehicle shows of its drag and its lag on the way goes back into the stream. Acceleration is asked for in
+addition against the drag of the setpoint's horizontal velocity, which is what the tilt tells about. The lag is a lead
+of the stream: setpoints run ahead of where the vehicle is due by it, and what belongs to the place, as the yaw, follows
+the vehicle. Neither the path of the setpoints nor their speed changes, so what was proved for the loss of the stream at
+every point and velocity of the plan stays proved.
+"""
 
 from __future__ import annotations
 
@@ -11,19 +18,27 @@ import numpy as np
 from gcs.core.errors import GcsError, LinkError, RefusedError
 from gcs.core.frames import geodetic_from_enu, rigid_between, wrap_angle
 from gcs.mavlink.offboard import Setpoint
+from gcs.planning.dynamics.tracking_prediction import predict_tracking, usual_quadrotor
+from gcs.planning.dynamics.wind_gusts import WindGusts
 from gcs.services.flight_recorder import WARNING
 from gcs.services.plan_clock import PlanClock
+from gcs.services.stream_feed_forward import StreamFeedForward
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+    from numpy.typing import NDArray
+
+    from gcs.core.motion import MotionSample
     from gcs.core.plan import Plan, Viewpoint
     from gcs.mavlink.offboard import OffboardSession
     from gcs.mavlink.vehicle import Vehicle
     from gcs.planning.trajectories.retiming import TimeWarp
     from gcs.services.flight_recorder import FlightRecorder
     from gcs.services.image_collector import ImageCollector
+    from gcs.services.plan_clock import ClockReading
 
+HORIZONTAL = np.array([1.0, 1.0, 0.0])
 COLUMN_M = 0.2
 """Within this of home, seen from above, the vehicle is in the take-off and landing column."""
 
@@ -33,6 +48,10 @@ SLEW = 0.4
 FOLLOWS_M = 2.0
 """A vehicle that is further than this from where it should stand does not follow the stream."""
 
+GUSTS = WindGusts(deviation_m_s=1.0)
+"""Wind for the prediction before take-off: light gusts."""
+
+INFORMATION = 6
 FEED_S = 0.1
 DEADMAN_S = 1.0
 """The stream outlives a stall of the event loop by no more than this: the shortest patience of an autopilot."""
@@ -75,11 +94,13 @@ class OffboardFlight:
         self._take_off_m = float(plan.trajectory.value(leave)[2])
         self._rotation = np.eye(3)
         self._shift = np.zeros(3)
+        self._feed_forward = StreamFeedForward(accelerates=vehicle.takes_acceleration_forward)
+        self._due_s = self._clock.time_s
 
     @property
     def plan_time_s(self) -> float:
-        """How far along the plan it is."""
-        return float(self._warp.plan_time(self._clock.time_s))
+        """How far along the plan the vehicle is due to be."""
+        return float(self._warp.plan_time(self._due_s))
 
     def pause(self) -> None:
         """Slow down to a hover; the stream goes on."""
@@ -108,6 +129,7 @@ class OffboardFlight:
         origin = self._vehicle.telemetry.origin
         if origin is None:
             raise LinkError("it did not tell its origin", field=self._vehicle.identity.name)
+        await self._predict()
         self._rotation, self._shift = rigid_between(self._plan.scenario.anchor.point, origin.value)
         altitude = geodetic_from_enu(
             [*self._plan.scenario.home_m[:2], self._take_off_m], self._plan.scenario.anchor.point
@@ -116,6 +138,7 @@ class OffboardFlight:
             f"flight {self._recorder.flight_id}", take_off_altitude_amsl_m=float(altitude[2]), deadman_s=DEADMAN_S
         )
         feeding = asyncio.create_task(self._feed(session))
+        self._vehicle.on_motion = self._learn
         try:
             session.fly(self.setpoint)
             on_flying()
@@ -129,22 +152,69 @@ class OffboardFlight:
             await self._until(lambda: self._clock.stopped, math.inf, "the vehicle to stop over home")
             await self._vehicle.land()
         finally:
+            self._vehicle.on_motion = None
             feeding.cancel()
+
+    async def _predict(self) -> None:
+        """Say before take-off how closely a rigid body of the vehicle's mass could fly this."""
+        plan, parameters = self._plan, usual_quadrotor(self._plan.scenario.vehicle.mass_kg)
+        found = await asyncio.to_thread(
+            predict_tracking,
+            plan.trajectory,
+            plan.yaw,
+            parameters=parameters,
+            gusts=GUSTS,
+            seed=plan.scenario.planner.seed,
+        )
+        hardest = found.thrust_n[1] / parameters.max_motor_thrust_n
+        self._recorder.log(
+            "offboard",
+            f"predicted for a usual quadrotor of {parameters.mass_kg:g} kg in gusts of {GUSTS.deviation_m_s:g} m/s: "
+            f"up to {found.deviation_m:.2f} m beside the curve, {found.mean_deviation_m:.2f} m in the mean, yaw within "
+            f"{math.degrees(found.yaw_rad):.1f}°, motors up to {hardest:.0%}",
+            severity=WARNING if found.saturated_share > 0.0 else INFORMATION,
+            deviation_m=found.deviation_m,
+            mean_deviation_m=found.mean_deviation_m,
+            axes_m=list(found.axes_m),
+            yaw_rad=found.yaw_rad,
+            thrust_n=list(found.thrust_n),
+            saturated_share=found.saturated_share,
+        )
 
     def setpoint(self, vehicle_s: float) -> Setpoint | None:
         """The setpoint at a time of the vehicle's clock; called from the stream's thread."""
         now = self._clock.read(vehicle_s)
-        plan_s = float(self._warp.plan_time(now.time_s))
-        warp_rate, warp_change = float(self._warp.rate(now.time_s)), float(self._warp.acceleration(now.time_s))
+        learned = self._feed_forward.at(vehicle_s)
+        position, velocity, _ = self._on_plan(now.time_s, now)
+        ahead_s = min(now.time_s + learned.tilt_lead_s * now.rate, max(self._clock.gate_s, now.time_s))
+        _, velocity_ahead, acceleration = self._on_plan(ahead_s, now)
+        self._due_s = now.time_s - learned.lead_s * now.rate
+        setpoint = Setpoint(
+            position_m=self._rotation @ position + self._shift,
+            velocity_m_s=self._rotation @ velocity,
+            acceleration_m_s2=self._rotation @ (acceleration + learned.drag_s * velocity_ahead * HORIZONTAL),
+            yaw_rad=wrap_angle(float(self._plan.yaw.value(self._warp.plan_time(self._due_s)))),
+        )
+        self._feed_forward.sent(vehicle_s, setpoint.position_m, setpoint.velocity_m_s)
+        return setpoint
+
+    def _on_plan(
+        self, time_s: float, now: ClockReading
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+        """Position, velocity and acceleration at a time of the clock, as fast as the clock runs now."""
+        plan_s = float(self._warp.plan_time(time_s))
+        warp_rate, warp_change = float(self._warp.rate(time_s)), float(self._warp.acceleration(time_s))
         rate = warp_rate * now.rate
         change = warp_change * now.rate**2 + warp_rate * now.rate_change
         position, velocity, acceleration = (self._plan.trajectory.value(plan_s, k) for k in range(3))
-        return Setpoint(
-            position_m=self._rotation @ position + self._shift,
-            velocity_m_s=self._rotation @ (velocity * rate),
-            acceleration_m_s2=self._rotation @ (acceleration * rate**2 + velocity * change),
-            yaw_rad=wrap_angle(float(self._plan.yaw.value(plan_s))),
-        )
+        return position, velocity * rate, acceleration * rate**2 + velocity * change
+
+    def _learn(self, sample: MotionSample) -> None:
+        self._feed_forward.learn(sample)
+        news = self._feed_forward.news()
+        if news is not None:
+            text, numbers = news
+            self._recorder.log("offboard", text, **numbers)
 
     async def _feed(self, session: OffboardSession) -> None:
         """Keep the dead-man's switch closed for as long as this task, and with it the event loop, is alive."""

@@ -19,6 +19,7 @@ from gcs.planning.views.camera_footprint import faces_camera, in_image
 from gcs.planning.views.viewpoints import points_to_inspect
 from gcs.services.coverage_verification import check_gimbal, recheck_coverage
 from gcs.services.fleet_plan import verify_fleet
+from gcs.services.flight_prediction import predict_usual_flights
 from gcs.services.mission_files import mission_files
 from gcs.services.sortie_verification import verify_sorties
 from gcs.storage.fleet_files import FLEET_FILE
@@ -38,6 +39,9 @@ LIFT_M = 0.02
 """Sight of a named point is tested to just above the surface it is on."""
 
 ENERGY_TOLERANCE = 0.01
+PREDICTION_TOLERANCE = 0.02
+"""Of predicted times, deviations and clearances, relative above 1."""
+
 OWN_WAYS_TOLERANCE = 1e-3
 """Of the times, heights and counts of what the vehicle can do by itself."""
 
@@ -67,6 +71,7 @@ def verify_plan(directory: Path) -> list[Check]:
         _energy(plan),
         *verify_sorties(plan, directory, verify_plan),
         *_own_ways(plan, distance),
+        *_predictions(plan, report, distance),
         *_named_points(plan, structure),
         *recheck_faces(plan, SightLines(structure), distance),
         check_gimbal(plan),
@@ -152,6 +157,28 @@ def _own_ways(plan: Plan, distance: SceneDistance) -> list[Check]:
     ok = apart <= OWN_WAYS_TOLERANCE
     message = f"{found.action.value} is safe from everywhere; difference from what the plan says {apart:.3g}"
     return [Check(name, ok, apart, OWN_WAYS_TOLERANCE, message)]
+
+
+def _predictions(plan: Plan, report: dict[str, Any], distance: SceneDistance) -> list[Check]:
+    """What the autopilots are predicted to make of the mission is what the report says; older reports say nothing."""
+    told = report.get("predictions")
+    if not told:
+        return []
+    found = [prediction.as_json() for prediction in predict_usual_flights(plan, distance)]
+    if [p["autopilot"] for p in found] != [p.get("autopilot") for p in told]:
+        return [Check("predictions", False, 0.0, 1.0, "the predicted flights are not those of the plan's missions")]
+    try:
+        apart = max(
+            abs(float(f[way][figure]) - float(t[way][figure])) / max(abs(float(f[way][figure])), 1.0)
+            for f, t in zip(found, told, strict=True)
+            for way in ("mission", "offboard")
+            for figure in ("time_s", "mean_deviation_m", "max_deviation_m", "min_clearance_m")
+        )
+        same = all(f["choice"] == t["choice"] for f, t in zip(found, told, strict=True))
+    except (KeyError, TypeError, ValueError) as error:
+        return [Check("predictions", False, 0.0, 1.0, f"the report's predictions are not whole: {error!r}")]
+    message = f"predicted anew, they differ by {apart:.3g} at most, {'the same' if same else 'another'} way is chosen"
+    return [Check("predictions", same and apart <= PREDICTION_TOLERANCE, apart, PREDICTION_TOLERANCE, message)]
 
 
 def _apart(found_s: Intervals, told_s: Intervals) -> float:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from gcs.planning.flights.own_ways import describe_own_ways, find_own_ways
 from gcs.planning.scene.point_distance import SceneDistance
+from gcs.services.flight_prediction import predict_usual_flights
 from gcs.services.mission_files import mission_files
 from gcs.services.report_page import report_page
 from gcs.storage.plan_files import plan_contents, plan_report, write_plan
@@ -57,10 +58,12 @@ class AccountedPlan:
 
 def account(plan: Plan, structure: Structure, progress: Progress) -> AccountedPlan:
     """Find out what the vehicle can do by itself on a plan, and make its missions and reports."""
-    ways = find_own_ways(plan, SceneDistance(structure, plan.scenario.ground_m), progress)
+    scene = SceneDistance(structure, plan.scenario.ground_m)
+    ways = find_own_ways(plan, scene, progress)
     plan = replace(plan, own_ways=ways)
     missions = mission_files(plan)
     report = plan_report(plan, mission_items=missions.items)
+    report["predictions"] = [prediction.as_json() for prediction in predict_usual_flights(plan, scene)]
     return AccountedPlan(plan, report, {**missions.files, "report.html": report_page(plan, structure, report).encode()})
 
 

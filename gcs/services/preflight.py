@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 
     from gcs.core.plan import Plan
     from gcs.core.vehicle import Failsafe, Telemetry, VehicleLimits
+    from gcs.services.flight_prediction import FlightPrediction
     from gcs.services.flight_types import CheckState
 
 MAX_HORIZONTAL_DATUM_M = 1.0
@@ -105,6 +106,26 @@ def check_limits(plan: Plan, limits: VehicleLimits) -> list[PreflightCheck]:
         else:
             checks.append(PreflightCheck(name, "ok", f"planned {planned:.2f} {unit} of {allowed:.2f} {unit}"))
     return checks
+
+
+def check_prediction(found: FlightPrediction, *, offboard: bool) -> PreflightCheck:
+    """How the vehicle is predicted to fly the plan, one way or the other.
+
+    A mission that leaves the clearance is refused: nothing corrects it on the way. Setpoints are corrected by what the
+    station learns of the vehicle, so that a prediction against them must be accepted by name.
+    """
+    name, needed = "predicted flight", found.needed_clearance_m
+    way = found.offboard if offboard else found.mission
+    figures = (
+        f"{way.time_s:.0f} s, at most {way.max_deviation_m:.2f} m from the plan's curve, hull clearance "
+        f"{way.min_clearance_m:.2f} m of {needed:.2f} m"
+    )
+    if way.keeps(needed):
+        return PreflightCheck(name, "ok", figures)
+    if offboard:
+        return PreflightCheck(name, "needs_acceptance", way.problem(needed))
+    instead = "fly it with --mode offboard, which keeps it" if found.offboard.keeps(needed) else "plan slower"
+    return PreflightCheck(name, "refused", f"as a mission {way.problem(needed)}: {instead}")
 
 
 def check_failsafes(failsafes: Sequence[Failsafe]) -> list[PreflightCheck]:

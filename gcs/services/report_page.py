@@ -90,6 +90,7 @@ def report_page(plan: Plan, structure: Structure, report: dict[str, Any]) -> str
         f"{_faces(plan)}"
         f"<h2>Clearance budget</h2>{_budget(plan)}\n"
         f"{_own_ways(plan)}"
+        f"{_predictions(report)}"
         f"<h2>Viewpoints</h2>{_viewpoints(plan)}\n"
         f"<h2>Planning time</h2>{_stages(plan)}\n</body></html>\n"
     )
@@ -159,6 +160,25 @@ def _own_ways(plan: Plan) -> str:
         "<h2>Ways home of the vehicle by itself</h2>"
         f"<p>{escape(describe_own_ways(ways, plan.trajectory.duration_s))}.</p>"
         f"<table><tr><th></th><th>blocked for s</th><th>from - to, s</th></tr>{rows}</table>\n"
+    )
+
+
+def _predictions(report: dict[str, Any]) -> str:
+    """What usual vehicles will make of it, as a mission and as setpoints."""
+    predictions = report.get("predictions", [])
+    if not predictions:
+        return ""
+    rows = "".join(
+        f'<tr><td>{p["autopilot"]}, {way}</td><td class="n">{p[way]["time_s"]:.0f}</td>'
+        f'<td class="n">{p[way]["max_deviation_m"]:.2f}</td><td class="n">{p[way]["min_clearance_m"]:.2f}</td></tr>'
+        for p in predictions
+        for way in ("mission", "offboard")
+    )
+    said = "".join(f"<p>{p['autopilot']}: {escape(p['why'])}.</p>" for p in predictions)
+    return (
+        f"<h2>What the autopilots will fly, with their usual settings</h2>{said}"
+        "<table><tr><th></th><th>time, s</th><th>largest deviation, m</th><th>hull clearance, m</th></tr>"
+        f"{rows}</table>\n"
     )
 
 

@@ -11,9 +11,11 @@ from gcs.core.errors import RefusedError
 from gcs.core.frames import GeoPoint
 from gcs.core.mission import Mission
 from gcs.mavlink.station import MavlinkStation
+from gcs.planning.scene.point_distance import SceneDistance
+from gcs.services.flight_prediction import predict_flights
 from gcs.services.mission_files import mission_of_plan, mission_planner_waypoints
-from gcs.services.preflight import check_failsafes, check_limits
-from gcs.storage.plan_files import read_plan
+from gcs.services.preflight import check_failsafes, check_limits, check_prediction
+from gcs.storage.plan_files import read_plan, read_structure
 
 if TYPE_CHECKING:
     from collections.abc import AsyncIterator, Callable
@@ -43,7 +45,8 @@ async def connected_vehicle(url: str) -> AsyncIterator[Vehicle]:
 async def upload_plan(out: Path, url: str, say: Callable[[str], None]) -> dict[str, Any]:
     """Put the mission of a written plan on a vehicle and prove it.
 
-    The vehicle's limits and failsafes are read first: a plan beyond the limits is not uploaded; what is unknown or
+    The vehicle's limits and failsafes are read first: a plan beyond the limits, or whose predicted flight leaves the
+    clearance, is not uploaded; what is unknown or
     switched off is said, and has to be accepted by name before a flight.
 
     Args:
@@ -54,18 +57,25 @@ async def upload_plan(out: Path, url: str, say: Callable[[str], None]) -> dict[s
     Raises:
         InputError: the folder holds no plan.
         LinkError: nobody answers, or the link was lost; what the vehicle holds is then not known.
-        RefusedError: the plan is beyond the vehicle's limits, or the vehicle refused.
+        RefusedError: the plan is beyond the vehicle's limits, its predicted flight leaves the clearance, or the vehicle
+            refused.
     """
     plan = read_plan(out)
     async with connected_vehicle(url) as vehicle:
-        checks = check_limits(plan, await vehicle.read_limits())
+        limits = await vehicle.read_limits()
+        checks = check_limits(plan, limits)
+        mission = mission_of_plan(plan, vehicle.identity.autopilot)
+        scene = SceneDistance(read_structure(out), plan.scenario.ground_m)
+        found = predict_flights(plan, scene, mission, vehicle.identity.autopilot, limits.flight_law)
+        if found is not None:
+            checks.append(check_prediction(found, offboard=False))
         checks += check_failsafes(await vehicle.read_failsafes())
         for check in checks:
             if check.state == "refused":
                 raise RefusedError(f"{check.name}: {check.detail}", field=vehicle.identity.name)
             if check.state != "ok":
                 say(f"{check.state.replace('_', ' ')}: {check.name}: {check.detail}")
-        proof = await vehicle.upload_mission(mission_of_plan(plan, vehicle.identity.autopilot))
+        proof = await vehicle.upload_mission(mission)
         return {
             "vehicle": vehicle.identity.name,
             "proved": True,

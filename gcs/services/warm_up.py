@@ -11,7 +11,12 @@ from gcs.core.progress import SilentProgress
 from gcs.core.scenario import parse_scenario
 from gcs.core.structure import Structure
 from gcs.core.structure_source import Cable
+from gcs.planning.dynamics.tracking_prediction import predict_tracking, usual_quadrotor
 from gcs.planning.planner import make_plan
+from gcs.planning.scene.point_distance import SceneDistance
+from gcs.planning.trajectories.flight_limits import FlightLimits
+from gcs.planning.trajectories.optimal_times import times_at_limits
+from gcs.services.flight_prediction import predict_usual_flights
 from gcs.services.simulation import Simulator, SimulatorOptions
 
 SCENARIO = {
@@ -46,8 +51,11 @@ def tower() -> Structure:
 
 
 def main() -> None:
-    """Plan a small scene and start a simulated vehicle once."""
-    make_plan(parse_scenario(SCENARIO), tower(), SilentProgress())
+    """Plan a small scene and a curve without a corridor, predict a flight, start a simulated vehicle: each once."""
+    structure = tower()
+    plan = make_plan(parse_scenario(SCENARIO), structure, SilentProgress())
+    predict_usual_flights(plan, SceneDistance(structure, plan.scenario.ground_m))
+    times_at_limits(np.eye(3), FlightLimits(5.0, 2.5))
     with Simulator(SimulatorOptions(port=9, extra=("--tcp-base", "none"))):
         pass
 

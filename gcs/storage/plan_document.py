@@ -59,7 +59,7 @@ class PathEntry(Document):
 
 
 class BoxEntry(Document):
-    """The box of one trajectory segment."""
+    """The box of one trajectory segment: where it had to stay, or without a corridor what holds its control points."""
 
     low_m: Point
     high_m: Point
@@ -158,6 +158,7 @@ class CertificatesEntry(Document):
     surface_m2: float | None = None
     coverage_samples: int | None = None
     not_covered_m2: dict[str, float] | None = None
+    spots: dict[str, int] | None = None
 
 
 class PlanDocument(Document):

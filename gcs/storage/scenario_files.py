@@ -37,7 +37,24 @@ def read_scenario_file(path: Path) -> Scenario:
     except (yaml.YAMLError, ValueError, RecursionError) as error:
         where = " ".join(str(error).split())
         raise InputError(f"not well-formed YAML or JSON: {where}", field=str(path)) from None
+    _read_spots(data, path.parent)
     return parse_scenario(data)
+
+
+def _read_spots(data: object, folder: Path) -> None:
+    """Put the points of a table in the place of its name in `inspection.surface.spots`."""
+    inner = data
+    for key in ("inspection", "surface"):
+        inner = inner.get(key) if isinstance(inner, dict) else None
+    if not isinstance(inner, dict) or not isinstance(inner.get("spots"), str):
+        return
+    from gcs.storage.point_table import read_point_table
+
+    names, places, normals = read_point_table(folder / inner["spots"])
+    inner["spots"] = [
+        {"name": name, "position_m": place, "normal": normal}
+        for name, place, normal in zip(names, places.tolist(), normals.tolist(), strict=True)
+    ]
 
 
 class _UniqueKeyLoader(yaml.SafeLoader):

@@ -40,7 +40,8 @@ def plan():
 def flight(plan):
     times = np.linspace(0.0, 40.0, 41)
     warp = TimeWarp(times, 1.0 - 0.4 * np.exp(-(((times - 15.0) / 4.0) ** 2)))  # slowed about the middle of a leg
-    return OffboardFlight(plan, warp, SimpleNamespace(), SimpleNamespace(), SimpleNamespace())
+    vehicle = SimpleNamespace(takes_acceleration_forward=True)
+    return OffboardFlight(plan, warp, vehicle, SimpleNamespace(), SimpleNamespace())
 
 
 def test_it_takes_over_at_the_top_of_the_column_and_hands_over_above_home_again(plan, flight):

@@ -195,3 +195,18 @@ def test_an_empty_battery_says_so():
     battery = Battery(10.0, Airframe([0, 0, 0], LIMITS).parameters)
     battery.used_wh = 12.0
     assert battery.remaining == 0.0
+
+
+def hover_in_gusts(seed):
+    airframe = Airframe([0.0, 0.0, 0.0], LIMITS, wind_m_s=(4.0, 0.0, 0.0), gust_m_s=2.0, seed=seed)
+    airframe.go_to([0.0, 0.0, 10.0])
+    airframe.step(250 * 12)
+    return fly(airframe, 20.0)
+
+
+def test_gusts_push_it_about_by_their_seed():
+    one, again, other = hover_in_gusts(5), hover_in_gusts(5), hover_in_gusts(6)
+    assert np.array_equal(one, again)
+    assert np.abs(one - other).max() > 0.01
+    assert 0.005 < one.std(axis=0).max() < 0.3
+    assert np.abs(one - [0.0, 0.0, 10.0]).max() < 0.5

@@ -66,3 +66,16 @@ def test_a_merge_key_may_be_overridden(tmp_path, scenario_data):
     path.write_text(yaml.safe_dump(scenario_data).replace("'<<'", "<<"))
     vehicle = read_scenario_file(path).vehicle
     assert (vehicle.radius_m, vehicle.mass_kg) == (0.7, 3.0)
+
+
+def test_spots_may_be_a_table_beside_the_scenario(tmp_path, scenario_data):
+    (tmp_path / "spots.csv").write_text("name,x_m,y_m,z_m,normal_x,normal_y,normal_z\nbolt,1,2,3,0,0,2\n,4,5,6,1,0,0\n")
+    scenario_data["inspection"] = {"surface": {"gsd_mm": 5, "spots": "spots.csv"}}
+    path = tmp_path / "s.yaml"
+    path.write_text(yaml.safe_dump(scenario_data))
+    bolt, other = read_scenario_file(path).inspection.surface.spots
+    assert (bolt.name, bolt.position_m, bolt.normal) == ("bolt", (1.0, 2.0, 3.0), (0.0, 0.0, 1.0))
+    assert (other.name, other.position_m) == ("line 3", (4.0, 5.0, 6.0))
+    (tmp_path / "spots.csv").unlink()
+    with pytest.raises(InputError, match=r"spots\.csv"):
+        read_scenario_file(path)

@@ -88,6 +88,7 @@ class PlanReport(Sent):
     surface_m2: float | None = Field(None, description="Area that was asked for, both sides.")
     coverage_samples: int | None = None
     not_covered_m2: dict[str, float] | None = Field(None, description="Area that is not seen, by its verdict.")
+    spots: dict[str, int] | None = Field(None, description="How many of the named spots have each verdict.")
     faces: list[FaceReport] = Field(default_factory=list)
     sorties: list[SortieReport] = Field(
         default_factory=list, description="The flights, when one battery is not enough for all; else empty."

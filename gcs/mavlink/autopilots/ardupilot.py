@@ -6,6 +6,7 @@ import math
 from collections.abc import Mapping
 
 from gcs.core.errors import RefusedError
+from gcs.core.flight_law import ArduPilotLaw
 from gcs.core.mission import Command
 from gcs.core.vehicle import LAST_BATTERY, Autopilot, Failsafe, FlightMode, MissionProgress, MissionState, VehicleLimits
 from gcs.core.way_home import OwnAction, RetraceMemory, ReturnFlight
@@ -15,6 +16,7 @@ from gcs.mavlink.autopilots.base import (
     FlightStack,
     ParameterValues,
     failsafe,
+    law_from,
     positive,
     setting,
 )
@@ -68,6 +70,20 @@ _NUMBERS = {
     FlightMode.LAND: LAND,
 }
 _CENTIMETRES = 0.01
+_LAW_SETTINGS = {
+    "speed_m_s": ("WPNAV_SPEED", _CENTIMETRES),
+    "climb_m_s": ("WPNAV_SPEED_UP", _CENTIMETRES),
+    "descent_m_s": ("WPNAV_SPEED_DN", _CENTIMETRES),
+    "acceleration_m_s2": ("WPNAV_ACCEL", _CENTIMETRES),
+    "vertical_acceleration_m_s2": ("WPNAV_ACCEL_Z", _CENTIMETRES),
+    "corner_acceleration_m_s2": ("WPNAV_ACCEL_C", _CENTIMETRES),
+    "jerk_m_s3": ("WPNAV_JERK", 1.0),
+    "radius_m": ("WPNAV_RADIUS", _CENTIMETRES),
+    "stream_jerk_m_s3": ("PSC_JERK_XY", 1.0),
+    "stream_vertical_jerk_m_s3": ("PSC_JERK_Z", 1.0),
+    "landing_speed_m_s": ("LAND_SPEED", _CENTIMETRES),
+}
+"""Fields of its flight law, the parameters that set them, and their units."""
 
 
 class ArduPilot(FlightStack):
@@ -91,6 +107,7 @@ class ArduPilot(FlightStack):
         "FENCE_MARGIN",
         "SRTL_ACCURACY",
         "SRTL_POINTS",
+        *(name for name, _ in _LAW_SETTINGS.values()),
     )
     failsafe_parameters = (
         "FS_GCS_ENABLE",
@@ -195,6 +212,7 @@ class ArduPilot(FlightStack):
             return_altitude_m=setting(values, "RTL_ALT", _CENTIMETRES),
             return_flight=_return_flight(values),
             retrace=_retrace_memory(values),
+            flight_law=law_from(values, ArduPilotLaw(), _LAW_SETTINGS),
         )
 
     def retrace_mode(self) -> int | None:

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import Protocol
+from dataclasses import dataclass, replace
+from typing import Any, Protocol, TypeVar
 
+from gcs.core.flight_law import ArduPilotLaw, Px4Law
 from gcs.core.vehicle import Autopilot, Failsafe, FlightMode, MissionProgress, MissionState, Telemetry, VehicleLimits
 from gcs.core.way_home import OwnAction
 
@@ -76,6 +77,9 @@ class FlightStack(ABC):
     """The mode in which the vehicle's own readiness check says whether it can be armed for a flight."""
     camera_announces = True
     """Whether the camera component announces pictures, and not the autopilot in its stead."""
+    takes_acceleration_forward = False
+    """Whether a setpoint's acceleration is only added to what the controller asks for. Where it also moves the setpoint
+    on (ArduPilot integrates it between setpoints), nothing but the curve's own acceleration may be in it."""
     bytewise_parameters = False
     """Whether whole-number parameters travel as their bytes inside the float, not as a float of the same value."""
     limit_parameters: tuple[str, ...] = ()
@@ -177,6 +181,25 @@ def setting(values: ParameterValues, name: str, scale: float = 1.0) -> float | N
 def positive(value: float | None) -> float | None:
     """The value if it says something; many parameters use 0 or less for "no limit"."""
     return value if value is not None and value > 0 else None
+
+
+Law = TypeVar("Law", ArduPilotLaw, Px4Law)
+
+
+def law_from(values: ParameterValues, usual: Law, names: Mapping[str, tuple[str, float]]) -> Law:
+    """A flight law with what a vehicle told; what it did not, or what is not positive, stays as usual.
+
+    Args:
+        values: the parameters that were read.
+        usual: the law as delivered.
+        names: field of the law -> parameter and its scale.
+    """
+    told: dict[str, Any] = {}
+    for field, (name, scale) in names.items():
+        value = positive(setting(values, name, scale))
+        if value is not None:
+            told[field] = value
+    return replace(usual, **told)
 
 
 IN_FLIGHT = (FlightMode.MISSION, FlightMode.HOLD, FlightMode.OFFBOARD)

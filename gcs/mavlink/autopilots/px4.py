@@ -6,6 +6,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import replace
 
+from gcs.core.flight_law import Px4Law
 from gcs.core.mission import Command
 from gcs.core.vehicle import Autopilot, Failsafe, FlightMode, MissionState, VehicleLimits
 from gcs.core.way_home import OwnAction, ReturnFlight
@@ -16,6 +17,7 @@ from gcs.mavlink.autopilots.base import (
     FlightStack,
     ParameterValues,
     failsafe,
+    law_from,
     positive,
     setting,
 )
@@ -57,6 +59,29 @@ _OF_MODE = {numbers: mode for mode, numbers in MODES.items()} | {(MAIN_AUTO, 9):
 _MANUAL_MAINS = frozenset({1, 2, 3, 5, 7, 8})
 _FLYABLE = (MissionState.NOT_STARTED, MissionState.ACTIVE, MissionState.PAUSED, MissionState.COMPLETE)
 
+_LAW_SETTINGS = {
+    "cruise_m_s": ("MPC_XY_CRUISE", 1.0),
+    "max_speed_m_s": ("MPC_XY_VEL_MAX", 1.0),
+    "climb_m_s": ("MPC_Z_V_AUTO_UP", 1.0),
+    "descent_m_s": ("MPC_Z_V_AUTO_DN", 1.0),
+    "max_climb_m_s": ("MPC_Z_VEL_MAX_UP", 1.0),
+    "max_descent_m_s": ("MPC_Z_VEL_MAX_DN", 1.0),
+    "acceleration_m_s2": ("MPC_ACC_HOR", 1.0),
+    "climb_acceleration_m_s2": ("MPC_ACC_UP_MAX", 1.0),
+    "descent_acceleration_m_s2": ("MPC_ACC_DOWN_MAX", 1.0),
+    "jerk_m_s3": ("MPC_JERK_AUTO", 1.0),
+    "radius_m": ("NAV_ACC_RAD", 1.0),
+    "height_radius_m": ("NAV_MC_ALT_RAD", 1.0),
+    "position_gain_s": ("MPC_XY_P", 1.0),
+    "vertical_position_gain_s": ("MPC_Z_P", 1.0),
+    "max_tilt_rad": ("MPC_TILTMAX_AIR", math.radians(1.0)),
+    "landing_speed_m_s": ("MPC_LAND_SPEED", 1.0),
+    "take_off_speed_m_s": ("MPC_TKO_SPEED", 1.0),
+}
+"""Fields of its flight law, the parameters that set them, and their units."""
+_LEVEL_GAINS = ("MPC_XY_VEL_P_ACC", "MPC_XY_VEL_I_ACC", "MPC_XY_VEL_D_ACC")
+_VERTICAL_GAINS = ("MPC_Z_VEL_P_ACC", "MPC_Z_VEL_I_ACC", "MPC_Z_VEL_D_ACC")
+
 
 def custom_mode_number(main: int, sub: int) -> int:
     """PX4's custom_mode: main mode in byte 2, sub mode in byte 3."""
@@ -67,6 +92,7 @@ class Px4(FlightStack):
     """PX4 multicopters."""
 
     autopilot = Autopilot.PX4
+    takes_acceleration_forward = True
     bytewise_parameters = True
     limit_parameters = (
         "MPC_XY_VEL_MAX",
@@ -79,6 +105,9 @@ class Px4(FlightStack):
         "RTL_CONE_ANG",
         "RTL_MIN_DIST",
         "NAV_ACC_RAD",
+        *(name for name, _ in _LAW_SETTINGS.values()),
+        *_LEVEL_GAINS,
+        *_VERTICAL_GAINS,
     )
     failsafe_parameters = (
         "NAV_DLL_ACT",
@@ -190,6 +219,7 @@ class Px4(FlightStack):
             offboard_timeout_s=setting(values, "COM_OF_LOSS_T"),
             return_altitude_m=setting(values, "RTL_RETURN_ALT"),
             return_flight=_return_flight(values),
+            flight_law=_flight_law(values),
         )
 
     def failsafes(self, values: ParameterValues) -> tuple[Failsafe, ...]:
@@ -328,6 +358,23 @@ def _in_offboard_only(values: ParameterValues, effects: Mapping[int, str]) -> Fa
     }
     read = failsafe(values, name, "offboard loss", effects, off=frozenset(), does=does, settings=settings)
     return replace(read, actions={m: a for m, a in read.actions.items() if m is FlightMode.OFFBOARD})
+
+
+def _flight_law(values: ParameterValues) -> Px4Law:
+    law = law_from(values, Px4Law(), _LAW_SETTINGS)
+    return replace(
+        law,
+        velocity_gains_s=_gains(values, _LEVEL_GAINS, law.velocity_gains_s),
+        vertical_velocity_gains_s=_gains(values, _VERTICAL_GAINS, law.vertical_velocity_gains_s),
+    )
+
+
+def _gains(
+    values: ParameterValues, names: tuple[str, str, str], usual: tuple[float, float, float]
+) -> tuple[float, float, float]:
+    """Proportional, integral and derivative gain; 0 is a gain too."""
+    p, i, d = (value if (value := values.get(name)) is not None else u for name, u in zip(names, usual, strict=True))
+    return p, i, d
 
 
 def _return_flight(values: ParameterValues) -> ReturnFlight | None:

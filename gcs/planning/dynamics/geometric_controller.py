@@ -77,7 +77,7 @@ def track_reference(
         dt_s: spacing of the samples and step of the integration, s; 0.005 or less is stable with the default gains.
         parameters: of the vehicle.
         gains: of the controller.
-        wind_m_s: velocity of the air, ENU, shape (3,).
+        wind_m_s: velocity of the air, ENU, shape (3,), or (T, 3) where it changes with time.
         start: first states, shape (..., 17); at rest on the first reference with hovering motors when None.
 
     Returns:
@@ -91,7 +91,8 @@ def track_reference(
     else:
         states = np.array(np.broadcast_to(np.asarray(start, dtype=np.float64), (*batch, STATE_SIZE)))
         states = states.reshape(-1, STATE_SIZE)
-    flown = _track(flat, states, dt_s, np.asarray(wind_m_s, dtype=np.float64), parameters.packed(), gains.packed())
+    wind = np.broadcast_to(np.asarray(wind_m_s, dtype=np.float64), (samples.shape[-2], 3))
+    flown = _track(flat, states, dt_s, np.ascontiguousarray(wind), parameters.packed(), gains.packed())
     return flown.reshape(*batch, samples.shape[-2], STATE_SIZE)
 
 
@@ -145,7 +146,10 @@ def control(state: Array, reference: Array, p: Array, gains: Array, commands: Ar
     for i in range(3):
         across_x += reference[9 + i] * rd[i, 0] * mass / size
         across_y += reference[9 + i] * rd[i, 1] * mass / size
-    rate_d = (-across_y, across_x, reference[13] * rd[2, 2])
+    # The body's y axis stays level and across the heading, so the body also turns about the thrust axis as it leans.
+    onto_x, onto_z = c * rd[0, 0] + s * rd[1, 0], c * rd[0, 2] + s * rd[1, 2]
+    turn = (-across_y * onto_z + reference[13] * (c * rd[1, 1] - s * rd[0, 1])) / onto_x
+    rate_d = (-across_y, across_x, turn)
 
     error = np.zeros((3, 3))  # R_d' R
     for i in range(3):
@@ -169,5 +173,5 @@ def _track(references: Array, states: Array, dt: float, wind: Array, p: Array, g
         for k in range(references.shape[1]):
             flown[n, k] = state
             control(state, references[n, k], p, gains, commands)
-            step_quadrotor(state, commands, wind, dt, p)
+            step_quadrotor(state, commands, wind[k], dt, p)
     return flown

@@ -1,4 +1,4 @@
-"""Convex quadratic programs behind one small protocol: PIQP, Clarabel and OSQP.
+"""Convex quadratic programs behind one small protocol: PIQP, Clarabel and OSQP; a chain's own solver before them.
 
     minimise 1/2 x' P x + c' x   subject to   l <= G x <= u
 
@@ -17,14 +17,12 @@ from scipy import sparse
 from scipy.sparse.linalg import splu
 
 from gcs.core.errors import InfeasibleError
+from gcs.planning.numerics.chain_qp import VIOLATION, ChainSolver
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from numpy.typing import NDArray
-
-VIOLATION = 1e-7
-"""Largest violation of a constraint in an accepted answer, in the problem's unit of length."""
 
 GAP = 1e-3
 """Largest gap in an accepted answer, in the problem's unit of cost."""
@@ -190,9 +188,14 @@ def _answer(
     return QpSolution(x=x, multipliers=y, solved=solved, status=status, solver=name, violation=violation, gap=gap)
 
 
-def default_solvers() -> tuple[QpSolver, ...]:
-    """The solvers in the order in which they are tried."""
+def general_solvers() -> tuple[QpSolver, ...]:
+    """The solvers of any convex problem in the order in which they are tried."""
     return PiqpSolver(), ClarabelSolver(), OsqpSolver()
+
+
+def default_solvers() -> tuple[QpSolver | ChainSolver, ...]:
+    """The solvers in the order in which they are tried: the one of chains, then the general ones."""
+    return ChainSolver(), *general_solvers()
 
 
 def solve_checked(

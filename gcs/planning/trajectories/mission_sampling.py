@@ -1,19 +1,22 @@
 """Few straight legs that follow a curve: what a mission of waypoints can fly of a trajectory.
 
 An autopilot flies straight lines between waypoints, and slows down the more of them there are. So points are placed
-only where the chord error asks for them (Ramer-Douglas-Peucker, then points that turned out superfluous are dropped);
-a straight stays one leg.
+only where the chord error asks for them: between two stops the fewest that keep it, by a shortest path over all chords
+that do (H. Imai and M. Iri, Polygonal approximations of a curve, 1988), and among those the set whose longest error is
+the least. A straight stays one leg.
 """
 
 from __future__ import annotations
 
 import itertools
+import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from gcs.core.errors import InputError
+from gcs.planning.numerics.compiled import compiled
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -22,9 +25,13 @@ if TYPE_CHECKING:
 
     from gcs.core.trajectory import PiecewisePolynomial
 
+Floats = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
+Indices = np.ndarray[tuple[int, ...], np.dtype[np.int64]]
+
 CHORD_ERROR_M = 0.3
 _SAMPLE_S = 0.02
 _SAMPLE_M = 0.05
+_MOST_ENDS = 240
 _COLUMN_M = 0.05
 """Within this horizontal distance of home the climb and the descent count as vertical."""
 
@@ -72,7 +79,7 @@ def sample_mission_path(
     legs, worst = [], 0.0
     for start, end in itertools.pairwise(times):
         curve = _dense(trajectory, start, end)
-        kept = _simplify(curve, chord_error_m)
+        kept = fewest_chords(curve, chord_error_m)
         worst = max(worst, chord_error(curve, curve[kept]))
         legs.append(curve[kept[1:]])
     return MissionPath(trajectory.value(climb_end), tuple(legs), worst)
@@ -112,28 +119,91 @@ def _dense(trajectory: PiecewisePolynomial, start_s: float, end_s: float) -> NDA
     return points[keep] if keep.sum() > 1 else points[[0, -1]]
 
 
-def _simplify(curve: NDArray[np.float64], tolerance: float) -> list[int]:
-    """Indices of the points that are kept, both ends among them."""
-    kept = [0, len(curve) - 1]
-    spans = [(0, len(curve) - 1)]
-    while spans:
-        a, b = spans.pop()
-        if b - a < 2:
-            continue
-        apart = _segment_distance(curve[a + 1 : b], curve[a], curve[b])
-        if apart.max() > tolerance:
-            split = a + 1 + int(np.argmax(apart))
-            kept.append(split)
-            spans += [(a, split), (split, b)]
-    kept.sort()
-    position = 1
-    while position < len(kept) - 1:
-        a, b = kept[position - 1], kept[position + 1]
-        if _segment_distance(curve[a : b + 1], curve[a], curve[b]).max() <= tolerance:
-            del kept[position]
-        else:
-            position += 1
+def fewest_chords(curve_m: ArrayLike, chord_error_m: float) -> list[int]:
+    """The fewest points of a curve whose chords keep an error, both ends among them.
+
+    Args:
+        curve_m: shape (N, 3), N >= 2.
+        chord_error_m: how far the curve may lie from the chord over it.
+
+    Returns:
+        Indices, increasing. Of more than 240 points evenly chosen 240 are looked at as ends of chords.
+    """
+    curve = np.ascontiguousarray(curve_m, dtype=np.float64)
+    ends = np.unique(np.linspace(0, len(curve) - 1, min(len(curve), _MOST_ENDS)).round().astype(np.int64))
+    before = np.empty(len(ends), dtype=np.int64)
+    _shortest(curve, ends, chord_error_m, before)
+    kept = [len(ends) - 1]
+    while kept[-1] > 0:
+        kept.append(int(before[kept[-1]]))
+    return [int(ends[k]) for k in reversed(kept)]
+
+
+def farthest_chords(curve_m: ArrayLike, chord_error_m: float) -> list[int]:
+    """Points of a curve, each as far from the one before as the chord error lets it: quick, for long curves.
+
+    Args:
+        curve_m: shape (N, 3), N >= 2.
+        chord_error_m: how far the curve may lie from the chord over it.
+
+    Returns:
+        Indices, increasing, both ends among them.
+    """
+    curve = np.ascontiguousarray(curve_m, dtype=np.float64)
+    kept, last = [0], len(curve) - 1
+    while kept[-1] < last:
+        start = near = kept[-1]
+        near, step = start + 1, 1
+        while near < last and _error(curve, start, min(near + step, last)) <= chord_error_m:
+            near = min(near + step, last)
+            step *= 2
+        far = min(near + step, last)
+        while far - near > 1:
+            middle = (near + far) // 2
+            if _error(curve, start, middle) <= chord_error_m:
+                near = middle
+            else:
+                far = middle
+        kept.append(near)
     return kept
+
+
+@compiled
+def _error(curve: Floats, first: int, last: int) -> float:
+    """Largest distance of a curve's points from the chord between two of them."""
+    length2 = 0.0
+    for k in range(3):
+        length2 += (curve[last, k] - curve[first, k]) ** 2
+    worst = 0.0
+    for i in range(first + 1, last):
+        along, gap = 0.0, 0.0
+        for k in range(3):
+            along += (curve[i, k] - curve[first, k]) * (curve[last, k] - curve[first, k])
+        share = min(max(along / length2, 0.0), 1.0) if length2 > 0.0 else 0.0
+        for k in range(3):
+            gap += (curve[i, k] - curve[first, k] - share * (curve[last, k] - curve[first, k])) ** 2
+        worst = max(worst, gap)
+    return math.sqrt(worst)
+
+
+@compiled
+def _shortest(curve: Floats, ends: Indices, most: float, before: Indices) -> None:
+    """For each end the one before it on a path of the fewest chords from the first."""
+    count = ends.shape[0]
+    chords = np.full(count, count, dtype=np.int64)
+    worst = np.full(count, np.inf)
+    chords[0], worst[0] = 0, 0.0
+    before[0] = 0
+    for j in range(1, count):
+        for i in range(j - 1, -1, -1):
+            if chords[i] + 1 > chords[j]:
+                continue
+            error = _error(curve, ends[i], ends[j])
+            # Neighbours always are a chord, whatever lies between two that are looked at.
+            if error > most and i < j - 1:
+                continue
+            if chords[i] + 1 < chords[j] or max(worst[i], error) < worst[j]:
+                chords[j], worst[j], before[j] = chords[i] + 1, max(worst[i], error), i
 
 
 def _segment_distance(

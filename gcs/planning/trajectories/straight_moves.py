@@ -15,10 +15,9 @@ import numpy as np
 from gcs.planning.numerics.bernstein import control_from_monomial
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
     from numpy.typing import NDArray
 
+    from gcs.planning.trajectories.flight_limits import FlightLimits
     from gcs.planning.trajectories.safe_corridor import LegCorridor
 
 SHARE = np.polynomial.Polynomial([0.0, 0, 0, 0, 35, -84, 70, -20])
@@ -28,18 +27,19 @@ PEAKS = np.array([35 / 16, 84 * math.sqrt(5) / 25, 52.5])
 """Largest first, second and third derivative of that, of any sign."""
 
 
-def straight_times(
-    leg: LegCorridor, stretch: Callable[[NDArray[np.float64]], NDArray[np.float64]]
-) -> NDArray[np.float64]:
+def straight_times(leg: LegCorridor, limits: FlightLimits) -> NDArray[np.float64]:
     """Time (s) of each of a leg's straights, from rest to rest, shape (R,).
 
     Args:
         leg: the corridor.
-        stretch: factor on the time that brings peaks (..., 3) of speed, acceleration and jerk to their limits.
+        limits: one of them is reached on every straight.
     """
     joints = leg.joints_m[_runs(leg)]
-    lengths = np.linalg.norm(np.diff(joints, axis=0), axis=1)
-    return stretch(lengths[:, None] * PEAKS)
+    ways = np.diff(joints, axis=0)
+    peaks = np.linalg.norm(ways, axis=1)[:, None] * PEAKS
+    # It speeds up and slows down by the same, and tilt and thrust are not the same both ways.
+    peaks[:, 1] = limits.acceleration_peaks(PEAKS[1] * np.stack([ways, -ways], axis=1))
+    return limits.stretch(peaks)
 
 
 def straight_moves(leg: LegCorridor, times_s: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

@@ -4,20 +4,27 @@ The times first follow a profile along the leg that keeps the acceleration limit
 as far as the corridor lets them be rounded; the profile is then averaged over a window of time, because snap is finite.
 The minimum-snap curve for these times exceeds the limits somewhere or stays under them everywhere. A curve keeps its
 shape when all its times are multiplied by the same factor, so one factor a leg brings its worst extremum exactly to its
-limit. A few window lengths and a few rounds of moving time between the segments are tried, and the quickest is kept.
+limit.
+
+Most of such a leg then has room left. So time is taken, over and over, from where there is room, in proportion to a
+power of the use of the limits averaged over a while; the quickest curve on the way is kept. It is a descent without a
+guarantee, so it is made twice, with a wide and with a narrow average, both from the same outset.
 """
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from gcs.planning.numerics.bernstein import derivative, monomial_from_control, squared_norm
+from gcs.planning.numerics.chain_qp import ChainSolver
+from gcs.planning.numerics.compiled import compiled
 from gcs.planning.numerics.qp_solver import SolverError
-from gcs.planning.trajectories.minimum_snap import solve_legs
+from gcs.planning.trajectories.flight_limits import FlightLimits
+from gcs.planning.trajectories.minimum_snap import check_corridors, solve_legs
+from gcs.planning.trajectories.speed_profile import initial_times
 from gcs.planning.trajectories.straight_moves import straight_moves, straight_times
 
 if TYPE_CHECKING:
@@ -29,48 +36,37 @@ if TYPE_CHECKING:
     from gcs.planning.numerics.qp_solver import QpSolver
     from gcs.planning.trajectories.safe_corridor import LegCorridor
 
-LIMIT_MARGIN = 0.001
-"""Share of each limit that is left unused."""
+__all__ = ["FlightLimits", "TimedLeg", "fit_limits", "time_legs"]
 
 WINDOWS = (0.3, 0.6)
 """Tried lengths of the averaging window, as shares of the time from rest to full speed."""
 
-REBALANCINGS = 2
-"""Rounds of moving time from the segments with room to those at a limit."""
+DESCENTS = ((0.7, 0.5), (1.0, 0.2))
+"""Power of the use, and width of its average as a share of the time from rest to full speed, of each descent."""
 
-_PROFILE_SAMPLES = 400
+SNAP_TOLERANCE = 1e-4
+"""How far, as a share, a curve's snap may be above the least one: the time is what is searched for."""
 
-_SHORTEST_SHARE = 0.03
-"""Segments get at least this share of the leg's mean segment time."""
+LONG = 50
+"""Legs of this many pieces or more are searched patiently, and by all descents; the others by the first alone."""
 
+PATIENCE, LONG_PATIENCE = 2, 3
+"""A descent ends after this many rounds without a gain."""
 
-@dataclass(frozen=True)
-class FlightLimits:
-    """What the motion may reach: norms over the three axes.
+GAIN, LONG_GAIN = 0.01, 0.003
+"""Least share of its time that a leg must gain for a round to count."""
 
-    Attributes:
-        speed_m_s: largest speed.
-        acceleration_m_s2: largest acceleration.
-        jerk_m_s3: largest jerk; None for no limit.
-    """
+ROUNDS = 30
+"""Most rounds of both descents together."""
 
-    speed_m_s: float
-    acceleration_m_s2: float
-    jerk_m_s3: float | None = None
+LEAST_USE = 0.5
+"""No segment's use counts as less than this share of the leg's largest."""
 
-    def stretch(self, peaks: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Factor on all times that brings peaks of speed, acceleration and jerk to their limits.
+_AVERAGE_POWER = 8
+"""The average leans towards the largest use: it is that of this power."""
 
-        Args:
-            peaks: shape (..., 3).
-
-        Returns:
-            Shape (...): the largest of the three factors.
-        """
-        jerk = math.inf if self.jerk_m_s3 is None else self.jerk_m_s3
-        limits = np.array([self.speed_m_s, self.acceleration_m_s2, jerk]) * (1 - LIMIT_MARGIN)
-        factor: NDArray[np.float64] = ((peaks / limits) ** (1.0 / np.array([1.0, 2.0, 3.0]))).max(axis=-1)
-        return factor
+Floats = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
+Ints = np.ndarray[tuple[int, ...], np.dtype[np.int64]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,115 +81,82 @@ class TimedLeg:
     control: NDArray[np.float64]
     durations_s: NDArray[np.float64]
 
-
-def peaks(control: NDArray[np.float64], durations_s: NDArray[np.float64]) -> NDArray[np.float64]:
-    """True largest speed (m/s), acceleration (m/s^2) and jerk (m/s^3) over a curve, shape (3,).
-
-    The extrema of `|p^(k)|^2` inside a piece are at the real roots of its derivative; only pieces whose Bernstein bound
-    exceeds what samples show anywhere are looked into.
-
-    Args:
-        control: shape (n, 8, 3).
-        durations_s: shape (n,).
-    """
-    return np.array([_peak(control, durations_s, order) for order in (1, 2, 3)])
-
-
-def segment_peaks(control: NDArray[np.float64], durations_s: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Sampled largest speed, acceleration and jerk of each piece, shape (n, 3); a little under the true ones."""
-    power = np.linspace(0.0, 1.0, 13)[:, None] ** np.arange(8)
-    columns = []
-    for order in (1, 2, 3):
-        monomial = monomial_from_control(derivative(control, order))
-        value = np.einsum("mk,skd->smd", power[:, : monomial.shape[1]], monomial)
-        columns.append(np.linalg.norm(value, axis=2).max(axis=1) / durations_s**order)
-    return np.stack(columns, axis=1)
-
-
-def _peak(control: NDArray[np.float64], durations_s: NDArray[np.float64], order: int) -> float:
-    pieces = derivative(control, order) / durations_s[:, None, None] ** order
-    square = squared_norm(pieces)
-    best = float(np.maximum(square[:, 0], square[:, -1]).max())
-    middle = np.linalg.norm(monomial_from_control(pieces).transpose(0, 2, 1) @ 0.5 ** np.arange(8 - order), axis=1)
-    best = max(best, float(middle.max()) ** 2)
-    for index in np.argsort(-square.max(axis=1)):
-        if square[index].max() <= best:
-            break
-        monomial = np.polynomial.Polynomial(monomial_from_control(square[index][:, None])[:, 0])
-        roots = monomial.deriv().roots()
-        inside = roots.real[(np.abs(roots.imag) < 1e-6) & (roots.real > 0) & (roots.real < 1)]
-        if len(inside):
-            best = max(best, float(monomial(inside).max()))
-    return math.sqrt(best)
-
-
-def initial_times(leg: LegCorridor, limits: FlightLimits, window_s: float) -> NDArray[np.float64]:
-    """Segment times (s, shape (n,)) from a profile of speed along the leg.
-
-    Args:
-        leg: the corridor.
-        limits: kept by the profile on straights.
-        window_s: the profile is averaged four times over a quarter of this.
-    """
-    speeds = _joint_speeds(leg, limits)
-    lengths = leg.lengths_m
-    joints = np.concatenate([[0.0], np.cumsum(lengths)])
-    way = (1 - np.cos(np.linspace(0.0, np.pi, _PROFILE_SAMPLES))) / 2 * joints[-1]
-    segment = np.clip(np.searchsorted(joints, way, side="right") - 1, 0, len(lengths) - 1)
-    gain = 2 * limits.acceleration_m_s2
-    speed = np.sqrt(
-        np.minimum(
-            speeds[segment] ** 2 + gain * np.maximum(way - joints[segment], 0),
-            speeds[segment + 1] ** 2 + gain * np.maximum(joints[segment + 1] - way, 0),
-        )
-    ).clip(max=limits.speed_m_s)
-    times = np.concatenate([[0.0], np.cumsum(2 * np.diff(way) / np.maximum(speed[1:] + speed[:-1], 1e-9))])
-    grid = np.linspace(0.0, times[-1] + window_s, _PROFILE_SAMPLES)
-    averaged = np.interp(grid, times, speed, right=0.0)
-    width = max(1, round(window_s / 4 / grid[1]))
-    for _ in range(4):
-        total = np.concatenate([[0.0], np.cumsum(averaged)])
-        index = np.arange(1, len(total))
-        averaged = (total[index] - total[np.maximum(index - width, 0)]) / width
-    flown = np.concatenate([[0.0], np.cumsum((averaged[1:] + averaged[:-1]) / 2)])
-    at_joints = np.interp(joints, flown * joints[-1] / flown[-1], grid)
-    at_joints[0], at_joints[-1] = 0.0, grid[-1]
-    return np.asarray(np.maximum(np.diff(at_joints), _SHORTEST_SHARE * grid[-1] / len(lengths)))
-
-
-def _joint_speeds(leg: LegCorridor, limits: FlightLimits) -> NDArray[np.float64]:
-    """Speeds at the joints that corners and the acceleration limit allow, shape (n + 1,); at rest at both ends.
-
-    A turn by the angle theta that may leave its corner by m can be flown on a radius `m / (1 / cos(theta / 2) - 1)`.
-    """
-    lengths = leg.lengths_m
-    directions = np.diff(leg.joints_m, axis=0) / lengths[:, None]
-    inner = leg.joints_m[1:-1]
-    low = np.maximum(leg.boxes_m[:-1, 0], leg.boxes_m[1:, 0])
-    high = np.minimum(leg.boxes_m[:-1, 1], leg.boxes_m[1:, 1])
-    margin = np.minimum(inner - low, high - inner).min(axis=1)
-    turn = np.arccos(np.clip((directions[1:] * directions[:-1]).sum(axis=1), -1.0, 1.0))
-    half = np.cos(turn / 2)
-    radius = margin * half / np.maximum(1 - half, 1e-9)
-    corner = np.minimum(limits.speed_m_s, np.sqrt(limits.acceleration_m_s2 * radius))
-    speeds = np.concatenate([[0.0], corner, [0.0]])
-    gain = 2 * limits.acceleration_m_s2
-    for k in range(1, len(speeds)):
-        speeds[k] = min(speeds[k], math.sqrt(speeds[k - 1] ** 2 + gain * lengths[k - 1]))
-    for k in range(len(speeds) - 2, -1, -1):
-        speeds[k] = min(speeds[k], math.sqrt(speeds[k + 1] ** 2 + gain * lengths[k]))
-    return speeds
+    @cached_property
+    def total_s(self) -> float:
+        """Duration of the whole leg."""
+        return float(self.durations_s.sum())
 
 
 def fit_limits(control: NDArray[np.float64], durations_s: NDArray[np.float64], limits: FlightLimits) -> TimedLeg:
     """The same curve with all times scaled so that its worst extremum is at its limit (less the margin)."""
-    return TimedLeg(control, durations_s * float(limits.stretch(peaks(control, durations_s))))
+    return _fit_all([TimedLeg(control, durations_s)], limits)[0]
+
+
+def _fit_all(legs: Sequence[TimedLeg], limits: FlightLimits) -> list[TimedLeg]:
+    if not legs:
+        return []
+    first = _first(legs)
+    control, durations = _stacked(legs)
+    factors = limits.stretch(limits.worst_peaks(first, control, durations))
+    return [TimedLeg(leg.control, leg.durations_s * factor) for leg, factor in zip(legs, factors, strict=True)]
+
+
+def _first(legs: Sequence[TimedLeg]) -> NDArray[np.int64]:
+    return np.concatenate([[0], np.cumsum([len(leg.durations_s) for leg in legs])])
+
+
+def _stacked(legs: Sequence[TimedLeg]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    return np.concatenate([leg.control for leg in legs]), np.concatenate([leg.durations_s for leg in legs])
+
+
+@dataclass(eq=False)
+class _Search:
+    """One leg's search for short times.
+
+    Attributes:
+        latest: the last curve, its times roughly at the limits.
+        best: the quickest so far.
+        outset: where every descent starts.
+        descent: which descent it is in.
+        mark_s: time that the next gain is measured from.
+        waited: rounds of this descent without a gain.
+    """
+
+    latest: TimedLeg
+    best: TimedLeg
+    outset: TimedLeg
+    descent: int = 0
+    mark_s: float = 0.0
+    waited: int = 0
+
+    @property
+    def is_over(self) -> bool:
+        pieces = len(self.best.durations_s)
+        return self.descent == (len(DESCENTS) if pieces >= LONG else min(pieces - 1, 1))
+
+    def take(self, found: TimedLeg | None) -> None:
+        """Go on from a curve, or to the next descent when none was found or none that gains."""
+        is_long = len(self.best.durations_s) >= LONG
+        if found is not None:
+            self.latest = found
+            self.best = min(self.best, found, key=lambda leg: leg.total_s)
+            gained = found.total_s < (1 - (LONG_GAIN if is_long else GAIN)) * self.mark_s
+            self.mark_s = found.total_s if gained else self.mark_s
+            self.waited = 0 if gained else self.waited + 1
+        if found is None or self.waited == (LONG_PATIENCE if is_long else PATIENCE):
+            self.latest, self.mark_s, self.waited = self.outset, self.outset.total_s, 0
+            self.descent += 1
 
 
 def time_legs(
-    legs: Sequence[LegCorridor], limits: FlightLimits, solvers: Sequence[QpSolver], progress: Progress
+    legs: Sequence[LegCorridor],
+    limits: FlightLimits,
+    solvers: Sequence[QpSolver | ChainSolver],
+    progress: Progress,
 ) -> list[TimedLeg]:
     """Minimum-snap curves through the corridors, from rest to rest, as quick as was found within the limits.
+
+    Where no solver finds a curve, or none that is quicker, a leg is flown by straight moves.
 
     Args:
         legs: corridors from stop to stop.
@@ -201,52 +164,105 @@ def time_legs(
         solvers: for the quadratic programs, in order of trial.
         progress: reports the stage `trajectory`.
 
-    Where no solver finds a curve, or none that is quicker, a leg is flown by straight moves.
-
     Raises:
+        InputError: limits that cannot be met; a corridor with a number that is not finite or a segment without length,
+            by leg and segment.
+        InfeasibleError: a corridor that no curve can be in; it names leg and segment.
         OperationCancelled: the progress said so.
     """
-    ramp = limits.speed_m_s / limits.acceleration_m_s2
-    least = 0.0 if limits.jerk_m_s3 is None else 2 * limits.acceleration_m_s2 / limits.jerk_m_s3
-    windows = [max(share * ramp, least) for share in WINDOWS]
-    best: dict[int, TimedLeg] = {}
-    latest: dict[int, TimedLeg] = {}
-    rounds = len(windows) + REBALANCINGS
-    for turn in range(rounds):
+    limits.check()
+    check_corridors(legs)
+    solvers = [s.coarser(SNAP_TOLERANCE) if isinstance(s, ChainSolver) else s for s in solvers]
+    rounds = len(WINDOWS) + ROUNDS
+    outsets: dict[int, TimedLeg] = {}
+    for turn, window in enumerate(_windows(limits)):
         progress.report("trajectory", turn / rounds)
-        if turn < len(windows):
-            durations = {k: initial_times(leg, limits, windows[turn]) for k, leg in enumerate(legs)}
-        else:
-            durations = {k: _rebalanced(leg, limits) for k, leg in latest.items()}
-        progress.report("trajectory", (turn + 0.2) / rounds)
-        curves = solve_legs([legs[k] for k in durations], list(durations.values()), solvers)
-        for (k, times), control in zip(durations.items(), curves, strict=True):
-            if isinstance(control, SolverError):
-                continue  # other times may do
-            latest[k] = _roughly_fit(control, times, limits)
-            best[k] = min(best.get(k, latest[k]), latest[k], key=_total)
-        if turn == len(windows) - 1:
-            latest = best.copy()
-    return [_finished(leg, best.get(k), limits) for k, leg in enumerate(legs)]
+        times = {k: initial_times(leg, limits, window) for k, leg in enumerate(legs)}
+        progress.report("trajectory", (turn + 0.5) / rounds)
+        for k, found in _solve(legs, times, limits, solvers).items():
+            if found is not None:
+                outsets[k] = min(outsets.get(k, found), found, key=lambda leg: leg.total_s)
+    searches = {k: _Search(leg, leg, leg, mark_s=leg.total_s) for k, leg in outsets.items()}
+    for turn in range(ROUNDS):
+        open_ = {k: search for k, search in searches.items() if not search.is_over}
+        if not open_:
+            break
+        progress.report("trajectory", (len(WINDOWS) + turn) / rounds)
+        for k, found in _solve(legs, _shorter_times(open_, limits), limits, solvers).items():
+            open_[k].take(found)
+    return _finished(legs, {k: search.best for k, search in searches.items()}, limits)
 
 
-def _finished(leg: LegCorridor, found: TimedLeg | None, limits: FlightLimits) -> TimedLeg:
-    straight = straight_times(leg, limits.stretch)
-    if found is None or straight.sum() < _total(found):
-        return TimedLeg(*straight_moves(leg, straight))
-    return fit_limits(found.control, found.durations_s, limits)
+def _windows(limits: FlightLimits) -> list[float]:
+    least = 0.0 if limits.jerk_m_s3 is None else 2 * limits.acceleration_m_s2 / limits.jerk_m_s3
+    return [max(share * limits.speed_m_s / limits.acceleration_m_s2, least) for share in WINDOWS]
 
 
-def _total(leg: TimedLeg) -> float:
-    return float(leg.durations_s.sum())
+def _solve(
+    legs: Sequence[LegCorridor],
+    times: dict[int, NDArray[np.float64]],
+    limits: FlightLimits,
+    solvers: Sequence[QpSolver | ChainSolver],
+) -> dict[int, TimedLeg | None]:
+    """Curves for these times, stretched so that samples keep the limits; None where there is no curve."""
+    curves = solve_legs([legs[k] for k in times], list(times.values()), solvers)
+    found = {
+        k: TimedLeg(control, durations)
+        for (k, durations), control in zip(times.items(), curves, strict=True)
+        if not isinstance(control, SolverError)
+    }
+    if not found:
+        return dict.fromkeys(times)
+    first = _first(list(found.values()))
+    factors = np.maximum.reduceat(limits.use(*_stacked(list(found.values()))), first[:-1])
+    fitted = {
+        k: TimedLeg(leg.control, leg.durations_s * factor)
+        for (k, leg), factor in zip(found.items(), factors, strict=True)
+    }
+    return {k: fitted.get(k) for k in times}
 
 
-def _roughly_fit(control: NDArray[np.float64], durations_s: NDArray[np.float64], limits: FlightLimits) -> TimedLeg:
-    return TimedLeg(control, durations_s * limits.stretch(segment_peaks(control, durations_s)).max())
-
-
-def _rebalanced(leg: TimedLeg, limits: FlightLimits) -> NDArray[np.float64]:
+def _shorter_times(searches: dict[int, _Search], limits: FlightLimits) -> dict[int, NDArray[np.float64]]:
     """Segment times with less for those that have room."""
-    use = limits.stretch(segment_peaks(leg.control, leg.durations_s))
-    result: NDArray[np.float64] = leg.durations_s * np.sqrt(np.maximum(use / use.max(), 0.3))
+    latest = [search.latest for search in searches.values()]
+    first = _first(latest)
+    control, durations = _stacked(latest)
+    settings = np.array([DESCENTS[search.descent] for search in searches.values()])
+    widths = settings[:, 1] * limits.speed_m_s / limits.acceleration_m_s2
+    average = _averaged_use(first, durations, limits.use(control, durations), widths)
+    counts = np.diff(first)
+    largest = np.repeat(np.maximum.reduceat(average, first[:-1]), counts)
+    share = np.maximum(average / largest, LEAST_USE) ** np.repeat(settings[:, 0], counts)
+    return dict(zip(searches, np.split(durations * share, first[1:-1]), strict=True))
+
+
+@compiled
+def _averaged_use(first: Ints, durations: Floats, use: Floats, widths: Floats) -> Floats:
+    """Power mean of the use about the middle of each segment, with Gaussian weights in time; shape (S,)."""
+    result = np.empty(len(use))
+    middles = np.empty(len(use))
+    for leg in range(len(first) - 1):
+        begin, end, time = first[leg], first[leg + 1], 0.0
+        for k in range(begin, end):
+            middles[k] = time + durations[k] / 2
+            time += durations[k]
+        for k in range(begin, end):
+            total = weight = 0.0
+            for other in range(begin, end):
+                away = (middles[other] - middles[k]) / widths[leg]
+                if abs(away) < 4.0:
+                    w = durations[other] * np.exp(-0.5 * away * away)
+                    weight += w
+                    total += w * use[other] ** _AVERAGE_POWER
+            result[k] = (total / weight) ** (1.0 / _AVERAGE_POWER)
     return result
+
+
+def _finished(legs: Sequence[LegCorridor], found: dict[int, TimedLeg], limits: FlightLimits) -> list[TimedLeg]:
+    """The quicker of the curve found and straight moves, at the limits on their true extrema."""
+    result: list[TimedLeg] = []
+    for k, leg in enumerate(legs):
+        straight = straight_times(leg, limits)
+        quicker = k not in found or straight.sum() < found[k].total_s
+        result.append(TimedLeg(*straight_moves(leg, straight)) if quicker else found[k])
+    return _fit_all(result, limits)

@@ -1,10 +1,14 @@
-"""From the tour's legs to the trajectory: corridors, minimum-snap curves between stops, dwells at the stops."""
+"""From the tour's legs to the trajectory: minimum-snap curves between stops, dwells at the stops.
+
+Every variant makes of each leg a timed curve from rest to rest and a box for each of its pieces. In a corridor the
+boxes are where the curve had to stay; without one they hold the control points of the curve as it came out.
+"""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -13,6 +17,7 @@ from gcs.planning.numerics.bernstein import monomial_from_control
 from gcs.planning.numerics.qp_solver import default_solvers
 from gcs.planning.trajectories.safe_corridor import build_corridor, stop_box
 from gcs.planning.trajectories.time_allocation import FlightLimits, time_legs
+from gcs.planning.trajectories.waypoint_curves import LegEnds, hull_boxes, waypoint_curves
 from gcs.planning.views.viewing_angles import schedule_views
 
 if TYPE_CHECKING:
@@ -32,7 +37,8 @@ class BuiltTrajectory:
 
     Attributes:
         trajectory: at rest at both ends and during the dwell at every viewpoint.
-        corridor_m: low and high corner of each segment's box, shape (S, 2, 3).
+        corridor_m: low and high corner of each segment's box, shape (S, 2, 3); where the curve had to stay, or
+            without a corridor (`planner.trajectory`) what holds its control points.
         yaw: vehicle yaw from east, counter-clockwise.
         gimbal_pitch: camera pitch, 0 level, negative down.
         exposures_s: when each viewpoint's picture is taken, shape (V,).
@@ -43,6 +49,20 @@ class BuiltTrajectory:
     yaw: AngleProfile
     gimbal_pitch: AngleProfile
     exposures_s: NDArray[np.float64]
+
+
+class LegCurve(NamedTuple):
+    """A leg's curve from rest to rest.
+
+    Attributes:
+        coefficients: of its pieces on normalised time (`PiecewisePolynomial`), shape (n, 8, 3).
+        durations_s: of the pieces, shape (n,).
+        boxes_m: low and high corner of a box about each piece, shape (n, 2, 3).
+    """
+
+    coefficients: NDArray[np.float64]
+    durations_s: NDArray[np.float64]
+    boxes_m: NDArray[np.float64]
 
 
 def longest_segment_m(limits: FlightLimits, half_width_m: float) -> float:
@@ -75,6 +95,54 @@ def _has_length(leg_m: NDArray[np.float64]) -> bool:
     return bool(np.abs(leg_m - leg_m[0]).max() > 1e-9)
 
 
+def leg_curves(
+    legs_m: Sequence[NDArray[np.float64]],
+    scenario: Scenario,
+    progress: Progress,
+    solvers: Sequence[QpSolver] | None = None,
+    space: FreeSpace | None = None,
+) -> list[LegCurve | None]:
+    """Make the curves of a tour's legs as `planner.trajectory` says.
+
+    Args:
+        legs_m: as of `build_trajectory`.
+        scenario: limits of the vehicle, variant and corridor.
+        progress: reports the stage `trajectory`.
+        solvers: as of `build_trajectory`.
+        space: as of `build_trajectory`.
+
+    Returns:
+        A curve for each leg; None where the leg has no length.
+
+    Raises:
+        InputError: as of `build_trajectory`.
+        InfeasibleError: as of `build_trajectory`.
+        OperationCancelled: the progress said so.
+    """
+    vehicle, variant = scenario.vehicle, scenario.planner.trajectory
+    limits = FlightLimits(vehicle.max_speed_m_s, vehicle.max_acceleration_m_s2, vehicle.max_jerk_m_s3)
+    half_width = scenario.safety.corridor_half_width_m
+    last = len(legs_m) - 1
+    flown = [index for index, leg in enumerate(legs_m) if _has_length(leg)]
+    legs, ends = [legs_m[index] for index in flown], [LegEnds(index == 0, index == last) for index in flown]
+    if variant == "corridor":
+        longest = longest_segment_m(limits, half_width)
+        corridors = [
+            build_corridor(leg, half_width, longest, **vars(end), space=space)
+            for leg, end in zip(legs, ends, strict=True)
+        ]
+        timed = time_legs(corridors, limits, solvers or default_solvers(), progress)
+        curves = [
+            LegCurve(monomial_from_control(leg.control), leg.durations_s, corridor.boxes_m)
+            for leg, corridor in zip(timed, corridors, strict=True)
+        ]
+    else:
+        splines = waypoint_curves(variant, legs, ends, limits, half_width, progress, space)
+        curves = [LegCurve(s.coefficients, s.durations_s, hull_boxes(s.coefficients)) for s in splines]
+    found = dict(zip(flown, curves, strict=True))
+    return [found.get(index) for index in range(len(legs_m))]
+
+
 def build_trajectory(
     legs_m: Sequence[NDArray[np.float64]],
     yaw_rad: NDArray[np.float64],
@@ -91,41 +159,33 @@ def build_trajectory(
             the last ends with the vertical column over home.
         yaw_rad: vehicle yaw at each viewpoint in visiting order, shape (V,), V = len(legs_m) - 1.
         gimbal_pitch_rad: camera pitch at each viewpoint, shape (V,).
-        scenario: limits of the vehicle, corridor, gimbal and camera.
+        scenario: limits of the vehicle, variant of the trajectory, corridor, gimbal and camera.
         progress: reports the stage `trajectory`.
         solvers: for the quadratic programs, in order of trial; PIQP, Clarabel, OSQP when not given.
         space: where the legs are free; without it they keep the corridor's reach everywhere.
 
     Raises:
+        InputError: a leg cannot be used; names the stops.
+        InfeasibleError: a curve without a corridor cannot meet the limits in a day.
         OperationCancelled: the progress said so.
     """
-    vehicle, camera = scenario.vehicle, scenario.camera
-    limits = FlightLimits(vehicle.max_speed_m_s, vehicle.max_acceleration_m_s2, vehicle.max_jerk_m_s3)
+    camera = scenario.camera
     half_width = scenario.safety.corridor_half_width_m
     last = len(legs_m) - 1
-    longest = longest_segment_m(limits, half_width)
-    corridors = {
-        index: build_corridor(
-            leg, half_width, longest, column_at_start=index == 0, column_at_end=index == last, space=space
-        )
-        for index, leg in enumerate(legs_m)
-        if _has_length(leg)
-    }
-    timed = time_legs(list(corridors.values()), limits, solvers or default_solvers(), progress)
-    flown = dict(zip(corridors, timed, strict=True))
+    curves = leg_curves(legs_m, scenario, progress, solvers, space)
     schedule = schedule_views(
-        np.array([flown[index].durations_s.sum() if index in flown else 0.0 for index in range(len(legs_m))]),
+        np.array([0.0 if curve is None else curve.durations_s.sum() for curve in curves]),
         yaw_rad,
         gimbal_pitch_rad,
         gimbal_rate_rad_s=math.radians(camera.gimbal.rate_deg_s),
         min_interval_s=camera.min_interval_s,
     )
     coefficients, durations, boxes = [], [], []
-    for index, leg in enumerate(legs_m):
-        if index in flown:
-            coefficients.append(monomial_from_control(flown[index].control))
-            durations.append(flown[index].durations_s)
-            boxes.append(corridors[index].boxes_m)
+    for index, (leg, curve) in enumerate(zip(legs_m, curves, strict=True)):
+        if curve is not None:
+            coefficients.append(curve.coefficients)
+            durations.append(curve.durations_s)
+            boxes.append(curve.boxes_m)
         if index < last:
             rest = np.zeros((1, DEGREE + 1, 3))
             rest[0, 0] = leg[-1]

@@ -80,7 +80,7 @@ def distance_for(camera: Camera, gsd_mm: float | None, nearest: NearestPlace, fu
     """
     distance = math.inf if gsd_mm is None else camera.distance_for_gsd(gsd_mm / 1000)
     if distance < nearest.distance_m:
-        best = 1000 * camera.gsd_at(nearest.distance_m)
+        best = math.ceil(round(1e5 * camera.gsd_at(nearest.distance_m), 6)) / 100  # rounded up, so that it can be had
         raise InfeasibleError(
             f"a GSD of {gsd_mm:g} mm asks for {distance:.2f} m, but {nearest.because}: the best it can have is "
             f"{best:.2f} mm",

@@ -17,6 +17,7 @@ from gcs.planning.views.picture_limits import nearest_place
 from gcs.planning.views.surface_candidates import STAGE
 from gcs.planning.views.viewpoints_faces import FaceSearch
 from gcs.planning.views.viewpoints_points import FARTHER, find_point_viewpoint, stand_off_m
+from gcs.planning.views.viewpoints_spots import find_spot_viewpoints
 from gcs.planning.views.viewpoints_surface import find_surface_viewpoints
 
 if TYPE_CHECKING:
@@ -43,7 +44,7 @@ class FoundViewpoints:
 
     Attributes:
         poses: points in the scenario's order, then the faces' cells row by row, then the surface's viewpoints in the
-            order they were chosen.
+            order they were chosen, then those of spots that these leave out.
         cover: the cover that the surface's viewpoints answer, `cover.chosen` in the order of the poses; None when no
             surface was asked for.
         faces: what became of the cells of each face, in the scenario's order.
@@ -129,6 +130,10 @@ def find_viewpoints(
         reach = min(scenario.camera.distance_for_gsd(surface.gsd_mm / 1000), MOST_STAND_OFF_M)
         found, cover = find_surface_viewpoints(scenario, surface, structure, space, sight, reach, poses, progress)
         poses += found
+        if surface.spots:
+            poses += find_spot_viewpoints(
+                scenario, structure, surface, poses, space, distance, sight, nearest.distance_m, reach, progress
+            )
     _require_clearance(poses, scenario.centre_clearance_m, distance)
     progress.report(STAGE, 1.0)
     return FoundViewpoints(poses, cover, tuple(seen_faces))

@@ -34,6 +34,9 @@ if TYPE_CHECKING:
 SAMPLES, MOST_SAMPLES = 100_000, 400_000
 """Points of the surface; both sides of each are looked at."""
 
+LEAST_ROOM = 1.03
+"""Factor on the distance of the nearest free places: a surface is not seen from one place only."""
+
 SIDES_PER_VIEW = 500
 """There are more points when fewer seeable sides than this come to a view: what lies between would be missed."""
 
@@ -80,7 +83,7 @@ def find_surface_viewpoints(
         InfeasibleError: the GSD asks for less than the clearance, or nothing can be seen.
     """
     camera = scenario.camera
-    nearest = nearest_place(scenario, space.clearance_m)
+    nearest = nearest_place(scenario, LEAST_ROOM * space.nearest_m)
     furthest = distance_for(camera, task.gsd_mm, nearest, furthest_m, "inspection.surface.gsd_mm")
     limits = _limits(scenario, task, furthest, nearest.distance_m)
     rng = np.random.default_rng(scenario.planner.seed)

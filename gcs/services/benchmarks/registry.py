@@ -18,7 +18,9 @@ if TYPE_CHECKING:
 
 BENCHMARKS = {
     "coverage": "viewpoints for a surface: coverage, views over their lower bound, seconds (--mesh FILE: of your own)",
+    "papers": "the papers' trajectory experiments: deviation, length, duration, tracking of every variant of the curve",
     "paths": "grid search and string pulling: milliseconds, and length above a closed form",
+    "predictions": "what autopilots make of missions and setpoints; --records FOLDER: beside recorded flights",
     "tours": "tours and their proven lower bounds: cost, gap, seconds",
     "trajectories": "minimum snap in corridors: milliseconds, cost and violation of each solver",
 }
@@ -27,33 +29,42 @@ BENCHMARKS = {
 WITH_MESH = {"coverage"}
 """Those whose `run(quick, mesh)` takes a mesh of the user's own."""
 
+WITH_RECORDS = {"predictions"}
+"""Those whose `run(quick, records)` takes a folder of recorded flights."""
+
 
 def list_benchmarks() -> dict[str, str]:
     """Names of the benchmarks and what they measure."""
     return dict(BENCHMARKS)
 
 
-def run_benchmark(name: str, quick: bool = False, mesh: Path | None = None) -> dict[str, Any]:
+def run_benchmark(
+    name: str, quick: bool = False, mesh: Path | None = None, records: Path | None = None
+) -> dict[str, Any]:
     """Run a benchmark.
 
     Args:
         name: which one.
         quick: run a small version, in seconds.
         mesh: a mesh of the user's own, for the benchmarks that take one.
+        records: a folder of recorded flights, likewise.
 
     Returns:
         The object that `gcs bench NAME --json` prints: `benchmark`, `machine`, `rows`.
 
     Raises:
         NotFoundError: there is no benchmark of that name.
-        InputError: the benchmark takes no mesh.
+        InputError: the benchmark takes no mesh, or no records.
     """
     if name not in BENCHMARKS:
         raise NotFoundError(f"there is no benchmark {name!r}; there are {', '.join(BENCHMARKS)}", field="NAME")
     if mesh is not None and name not in WITH_MESH:
         raise InputError(f"the benchmark {name!r} takes no mesh: leave the option out", field="--mesh")
+    if records is not None and name not in WITH_RECORDS:
+        raise InputError(f"the benchmark {name!r} takes no records: leave the option out", field="--records")
     run: Callable[..., list[Row]] = import_module(f"gcs.services.benchmarks.{name}").run
-    rows = run(quick) if mesh is None else run(quick, mesh)
+    given = mesh or records
+    rows = run(quick) if given is None else run(quick, given)
     machine = {"cpu": _processor(), "cores": os.cpu_count(), "python": platform.python_version()}
     return {"benchmark": name, "machine": machine, "rows": [asdict(row) for row in rows]}
 

@@ -90,6 +90,18 @@ def test_yaw_follows_without_moving_the_vehicle():
     assert np.abs(flown[:, :3] - [0, 0, 10]).max() < 0.01
 
 
+def test_the_heading_holds_while_the_vehicle_leans_this_way_and_that():
+    """Leaning about two axes turns the body about its thrust; without the rate for it the heading swings."""
+    reference = circle(3.0, 3.0, 20.0)
+    reference[:, 12] = 0.7
+    start = resting_state(reference[0, :3], yaw_rad=0.7, motor_thrust_n=NO_DRAG.hover_thrust_n)
+    start[3:6] = reference[0, 3:6]
+    flown = track_reference(reference, DT, parameters=NO_DRAG, gains=GAINS, start=start)
+    r = rotation_of(flown[len(flown) // 2 :])
+    heading = np.arctan2(-r[:, 0, 1], r[:, 1, 1])  # the body's y axis is level and across to it
+    assert np.abs(heading - 0.7).max() < 5e-4
+
+
 def test_the_commanded_lean_is_limited():
     start = resting_state([0, 0, 10], motor_thrust_n=PARAMETERS.hover_thrust_n)
     gains = ControllerGains(max_tilt_rad=0.3)

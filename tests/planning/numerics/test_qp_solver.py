@@ -13,8 +13,8 @@ from gcs.planning.numerics.qp_solver import (
     PiqpSolver,
     QpProblem,
     SolverError,
-    default_solvers,
     evidence,
+    general_solvers,
     solve_checked,
 )
 
@@ -37,7 +37,7 @@ ANSWER = np.array([1.0, 0.25, 0.0])
 MULTIPLIERS = np.array([1.0, 0.0, -1.5])
 
 
-@pytest.mark.parametrize("solver", default_solvers(), ids=lambda s: s.name)
+@pytest.mark.parametrize("solver", general_solvers(), ids=lambda s: s.name)
 def test_every_solver_finds_point_and_multipliers(nearest, solver):
     answer = solver.solve(nearest)
     assert answer.solved

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from gcs.core.errors import InputError, OperationCancelled
+from gcs.planning.trajectories.flight_limits import LIMIT_MARGIN, FlightLimits
 from gcs.planning.trajectories.optimal_times import priced_times, times_at_limits
-from gcs.planning.trajectories.time_allocation import LIMIT_MARGIN, FlightLimits
 from gcs.planning.trajectories.unconstrained_minimum_snap import minimum_snap_spline
 
 

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from gcs.planning.numerics.bernstein import derivative
+from gcs.planning.trajectories.flight_limits import FlightLimits, peaks
 from gcs.planning.trajectories.safe_corridor import LegCorridor
 from gcs.planning.trajectories.straight_moves import PEAKS, SHARE, straight_moves, straight_times
-from gcs.planning.trajectories.time_allocation import FlightLimits, peaks
 
 LIMITS = FlightLimits(5.0, 2.5, None)
 JOINTS = np.array([[0.0, 0, 5], [0.05, 0, 5], [4, 0, 5], [4, 3, 5], [4, 3.02, 5], [4, 9, 5], [1, 5, 6]])
@@ -26,7 +26,7 @@ def test_the_peaks_are_those_of_the_polynomial():
 
 def test_the_curve_stays_on_its_straights_and_passes_the_joints():
     leg = thin_corridor(JOINTS)
-    times = straight_times(leg, LIMITS.stretch)
+    times = straight_times(leg, LIMITS)
     assert len(times) == 3
     control, durations = straight_moves(leg, times)
     assert (control >= leg.boxes_m[:, :1]).all()
@@ -37,7 +37,7 @@ def test_the_curve_stays_on_its_straights_and_passes_the_joints():
 
 
 def test_it_is_smooth_and_stands_still_at_corners():
-    control, durations = straight_moves(thin_corridor(JOINTS), straight_times(thin_corridor(JOINTS), LIMITS.stretch))
+    control, durations = straight_moves(thin_corridor(JOINTS), straight_times(thin_corridor(JOINTS), LIMITS))
     for order in (1, 2, 3):
         slopes = derivative(control, order) / durations[:, None, None] ** order
         np.testing.assert_allclose(slopes[:-1, -1], slopes[1:, 0], atol=1e-6)
@@ -48,7 +48,7 @@ def test_it_is_smooth_and_stands_still_at_corners():
 @pytest.mark.parametrize("limits", [LIMITS, FlightLimits(0.5, 2.5, None), FlightLimits(5.0, 2.5, 3.0)])
 def test_the_limits_hold_and_one_of_them_is_reached(limits):
     leg = thin_corridor(JOINTS)
-    speed, acceleration, jerk = peaks(*straight_moves(leg, straight_times(leg, limits.stretch)))
+    speed, acceleration, jerk = peaks(*straight_moves(leg, straight_times(leg, limits)))
     use = [speed / limits.speed_m_s, acceleration / limits.acceleration_m_s2]
     use += [jerk / limits.jerk_m_s3] if limits.jerk_m_s3 else []
     assert 0.995 < max(use) < 1.0

@@ -12,8 +12,10 @@ from gcs.core.progress import SilentProgress
 from gcs.core.trajectory import PiecewisePolynomial
 from gcs.planning.numerics.bernstein import monomial_from_control
 from gcs.planning.numerics.qp_solver import PiqpSolver, default_solvers
+from gcs.planning.trajectories.flight_limits import FlightLimits, peaks, segment_peaks
 from gcs.planning.trajectories.safe_corridor import build_corridor
-from gcs.planning.trajectories.time_allocation import FlightLimits, initial_times, peaks, segment_peaks, time_legs
+from gcs.planning.trajectories.speed_profile import initial_times
+from gcs.planning.trajectories.time_allocation import time_legs
 
 LIMITS = FlightLimits(5.0, 2.5)
 

@@ -111,7 +111,7 @@ def test_a_gsd_is_had_from_as_far_as_it_can():
 
 def test_a_gsd_finer_than_the_clearance_allows_names_the_point_and_the_best():
     with pytest.raises(
-        InfeasibleError, match=r"points\.P7: a GSD of 0\.5 mm .* best it can have is 0\.82 mm"
+        InfeasibleError, match=r"points\.P7: a GSD of 0\.5 mm .* best it can have is 0\.83 mm"
     ) as caught:
         stand_off_m(named(gsd_mm=0.5), CAMERA, nearest(3.0), 40.0)
     assert caught.value.exit_status == 3

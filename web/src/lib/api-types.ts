@@ -1420,6 +1420,13 @@ export interface components {
              * @description The flights, when one battery is not enough for all; else empty.
              */
             sorties?: components["schemas"]["SortieReport"][];
+            /**
+             * Spots
+             * @description How many of the named spots have each verdict.
+             */
+            spots?: {
+                [key: string]: number;
+            } | null;
             /** Stages S */
             stages_s: {
                 [key: string]: number;
