@@ -113,7 +113,8 @@ class Vehicle(VehicleFlight):
         finally:
             feeding.cancel()
         session.feed()
-        self._spawn(self._ask_for_tilt())
+        if self.takes_acceleration_forward:
+            self._spawn(self._ask_for_tilt())
         return session
 
     async def _ask_for_tilt(self) -> None:

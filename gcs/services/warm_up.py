@@ -12,6 +12,7 @@ from gcs.core.scenario import parse_scenario
 from gcs.core.structure import Structure
 from gcs.core.structure_source import Cable
 from gcs.planning.dynamics.tracking_prediction import predict_tracking, usual_quadrotor
+from gcs.planning.dynamics.wind_gusts import WindGusts
 from gcs.planning.planner import make_plan
 from gcs.planning.scene.point_distance import SceneDistance
 from gcs.planning.trajectories.flight_limits import FlightLimits
@@ -54,6 +55,8 @@ def main() -> None:
     """Plan a small scene and a curve without a corridor, predict a flight, start a simulated vehicle: each once."""
     structure = tower()
     plan = make_plan(parse_scenario(SCENARIO), structure, SilentProgress())
+    body = usual_quadrotor(plan.scenario.vehicle.mass_kg)
+    predict_tracking(plan.trajectory, plan.yaw, parameters=body, gusts=WindGusts())
     predict_usual_flights(plan, SceneDistance(structure, plan.scenario.ground_m))
     times_at_limits(np.eye(3), FlightLimits(5.0, 2.5))
     with Simulator(SimulatorOptions(port=9, extra=("--tcp-base", "none"))):

@@ -36,7 +36,7 @@ def test_the_closed_form_without_clearance_is_the_way_over_the_corners():
 
 
 def test_unknown_names_and_needless_meshes_are_refused():
-    with pytest.raises(NotFoundError, match="paths, tours"):
+    with pytest.raises(NotFoundError, match="paths, predictions, tours"):
         run_benchmark("nothing")
     with pytest.raises(InputError, match="takes no mesh"):
         run_benchmark("tours", mesh=Path("crane.stl"))

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from gcs.core.trajectory import AngleProfile, PiecewisePolynomial
+from gcs.planning.dynamics.feed_forward import NO_FEED_FORWARD, FeedForward
 from gcs.planning.trajectories.retiming import TimeWarp
 from gcs.services.offboard_flight import OffboardFlight, column_times
 
@@ -37,11 +38,16 @@ def plan():
 
 
 @pytest.fixture
-def flight(plan):
+def make_flight(plan):
     times = np.linspace(0.0, 40.0, 41)
     warp = TimeWarp(times, 1.0 - 0.4 * np.exp(-(((times - 15.0) / 4.0) ** 2)))  # slowed about the middle of a leg
     vehicle = SimpleNamespace(takes_acceleration_forward=True)
-    return OffboardFlight(plan, warp, vehicle, SimpleNamespace(), SimpleNamespace())
+    return lambda: OffboardFlight(plan, warp, vehicle, SimpleNamespace(), SimpleNamespace())
+
+
+@pytest.fixture
+def flight(make_flight):
+    return make_flight()
 
 
 def test_it_takes_over_at_the_top_of_the_column_and_hands_over_above_home_again(plan, flight):
@@ -93,3 +99,63 @@ def test_setpoints_are_given_about_the_estimators_origin(flight):
     flight._shift = np.array([20.0, 20.0, -1.0])
     here = flight.setpoint(0.0)
     assert here.position_m == pytest.approx([20.0, 20.0, 4.0], abs=0.25)
+
+
+class Learned:
+    """A learner that knows everything from the start."""
+
+    def __init__(self, feed_forward):
+        self._feed_forward = feed_forward
+        self.sent_setpoints = []
+
+    def at(self, vehicle_s):
+        return self._feed_forward
+
+    def sent(self, vehicle_s, position_m, velocity_m_s):
+        self.sent_setpoints.append((vehicle_s, position_m, velocity_m_s))
+
+
+def setpoints(flight, feed_forward, gate=None):
+    """All setpoints of the first half of the plan, at the rate of the stream."""
+    flight._feed_forward = learner = Learned(feed_forward)
+    flight.resume()
+    if gate is not None:
+        flight._clock.gate_s = flight._warp.time_of(gate)
+    flown = [flight.setpoint(t) for t in np.arange(0.0, 14.0, 0.02)]
+    assert [s[1] is f.position_m for s, f in zip(learner.sent_setpoints, flown, strict=True)] == [True] * len(flown)
+    return flown
+
+
+def test_what_was_learned_changes_neither_the_path_nor_the_speed_of_the_setpoints(make_flight):
+    plain = setpoints(make_flight(), NO_FEED_FORWARD, gate=20.0)
+    fed = setpoints(make_flight(), FeedForward(1.2, 0.4, 0.25), gate=20.0)
+    for one, other in zip(plain, fed, strict=True):
+        assert np.array_equal(one.position_m, other.position_m)
+        assert np.array_equal(one.velocity_m_s, other.velocity_m_s)
+    last = fed[-1]
+    assert last.position_m == pytest.approx([12.0, 6.0, 9.0], abs=1e-6)
+    assert np.abs(last.acceleration_m_s2).max() < 1e-6, "no acceleration is asked for beyond the gate"
+
+
+def test_drag_is_fed_forward_along_the_horizontal_velocity(make_flight):
+    plain = setpoints(make_flight(), NO_FEED_FORWARD)
+    fed = setpoints(make_flight(), FeedForward(drag_s=0.8))
+    for one, other in zip(plain, fed, strict=True):
+        extra = other.acceleration_m_s2 - one.acceleration_m_s2
+        assert extra == pytest.approx(0.8 * one.velocity_m_s * [1.0, 1.0, 0.0], abs=1e-12)
+
+
+def test_the_acceleration_comes_earlier_by_the_lag_of_the_tilt(make_flight):
+    plain = np.array([s.acceleration_m_s2 for s in setpoints(make_flight(), NO_FEED_FORWARD)])
+    fed = np.array([s.acceleration_m_s2 for s in setpoints(make_flight(), FeedForward(tilt_lead_s=0.2))])
+    whole = slice(200, 600)  # the clock runs at its full rate
+    assert fed[whole] == pytest.approx(plain[210:610], abs=0.002)
+    assert np.abs(plain[whole] - plain[210:610]).max() > 0.03
+
+
+def test_the_yaw_follows_the_vehicle_and_not_the_lead_of_the_stream(make_flight):
+    plain = np.array([s.yaw_rad for s in setpoints(make_flight(), NO_FEED_FORWARD)])
+    flight = make_flight()
+    fed = np.array([s.yaw_rad for s in setpoints(flight, FeedForward(lead_s=0.3))])
+    assert fed[300:] == pytest.approx(plain[285:-15], abs=1e-3)
+    assert flight._warp.plan_time(flight._clock.time_s) - flight.plan_time_s == pytest.approx(0.3, rel=0.5)

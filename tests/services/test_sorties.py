@@ -104,6 +104,16 @@ def test_each_is_a_complete_plan_of_its_own(out):
         mission_of_plan(whole, Autopilot.PX4)
 
 
+@pytest.mark.parametrize(("name", "weight"), [("length", 1.0), ("energy", 3.0)])
+def test_the_cost_is_that_of_the_asked_metric(plan_it, scenario, name, weight):
+    _, folder = plan_it({**scenario, "planner": {"metric": name, "mu": 3.0, "k": 1.0}})
+    plan = read_plan(folder)
+    steps = np.diff(plan.path_m, axis=0) * [1.0, 1.0, weight**0.5]
+    assert len(plan.sorties) >= 2
+    assert plan.certificates.tour_metric == name
+    assert plan.certificates.tour_cost == pytest.approx(np.linalg.norm(steps, axis=1).sum(), rel=1e-6)
+
+
 def test_all_of_it_verifies(out):
     checks = verify_plan(out)
     assert [check.name for check in checks if not check.ok] == []

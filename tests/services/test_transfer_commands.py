@@ -69,6 +69,15 @@ async def test_a_plan_beyond_the_vehicles_limits_is_not_uploaded(vehicle, box_pl
 
 
 @pytest.mark.system
+async def test_a_mission_that_would_leave_the_clearance_is_not_uploaded(vehicle, box_plan):
+    url = vehicle("px4", "--param", "MPC_XY_VEL_P_ACC=0.5")
+    with pytest.raises(RefusedError, match=r"px4-1: predicted flight: as a mission it comes .* m too near at"):
+        await upload_plan(box_plan, url, lambda line: None)
+    _, items = await download_mission(url)
+    assert items == []
+
+
+@pytest.mark.system
 async def test_a_failsafe_that_is_off_is_said(vehicle, box_plan):
     url = vehicle("px4", "--param", "NAV_DLL_ACT=0")
     told = []

@@ -12,9 +12,9 @@ from gcs.core.trajectory import DEGREE, AngleProfile, PiecewisePolynomial
 from gcs.planning.dynamics.energy import energy_wh, usable_wh
 from gcs.planning.dynamics.rotor_power import RotorPower
 from gcs.planning.flights.sorties import BATTERY_SWAP_S, estimated_leg_energy_wh, find_sorties
-from gcs.planning.paths.string_pulling import path_length
 from gcs.planning.tours.leg_table import LegTable
 from gcs.planning.tours.tour import Tour
+from gcs.planning.tours.tour_metric import tour_metric
 from gcs.planning.trajectories.safe_corridor import stop_box
 from gcs.planning.trajectories.trajectory_builder import BuiltTrajectory
 from gcs.planning.views.viewing_angles import HOLD_S, SETTLE_S
@@ -76,17 +76,12 @@ def flights_by_battery(
     if vehicle.battery is None or at_once.energy_wh <= usable_wh(vehicle.battery):
         return [at_once]
     power = RotorPower.of(vehicle)
-    by_time = scenario.planner.metric == "time"
-
-    def cost(path: NDArray[np.float64]) -> float:
-        length = path_length(path)
-        return float(leg_time(np.array(length))) if by_time else length
-
+    metric = tour_metric(scenario.planner, leg_time)
     table = LegTable(
         space,
         np.asarray(scenario.home_m, dtype=np.float64),
         stops_m,
-        cost,
+        metric.of_path,
         lambda path: estimated_leg_energy_wh(path, power, leg_time, SETTLE_S + HOLD_S),
         progress,
     )
@@ -117,7 +112,7 @@ def flights_by_battery(
         lambda pair: energy_wh(pair[1].trajectory, vehicle),
         names,
         raised=at_once.energy_wh / table.energy_wh(order),
-        sortie_cost=BATTERY_SWAP_S if by_time else 0.0,
+        sortie_cost=BATTERY_SWAP_S if metric.name == "time" else 0.0,
         resequence=None if given else lambda run: found(run).order.tolist(),
     )
     return [Flight(*run.built, run.energy_wh) for run in runs]

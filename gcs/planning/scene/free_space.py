@@ -33,6 +33,7 @@ from gcs.planning.scene.room import (
     refine_shell,
     segments_free,
 )
+from gcs.planning.scene.widest_way import largest_clearance_m
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
@@ -274,6 +275,10 @@ class FreeSpace:
         """A free box grown within a larger one as far as it stays free, all corners (3,); shape (2, 3)."""
         least = _points(low)[0], _points(high)[0]
         return np.stack(grown_box(*least, _points(most_low)[0], _points(most_high)[0], self.model))
+
+    def largest_clearance_m(self, places: ArrayLike) -> float:
+        """Largest clearance at which one of places (N, 3) can be reached, see `widest_way`."""
+        return largest_clearance_m(self, _points(places))
 
     def in_home_column(self, point: ArrayLike) -> bool:
         """Whether a point (3,) is over home and below the take-off point: it is left vertically."""

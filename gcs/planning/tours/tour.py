@@ -211,8 +211,10 @@ def _check_reachable(space: FreeSpace, stops: NDArray[np.float64], names: Sequen
     first = int(lost[0])
     where = ", ".join(f"{c:.1f}" for c in stops[first])
     more = f" (and {len(lost) - 1} more)" if len(lost) > 1 else ""
+    room = space.largest_clearance_m(stops[first : first + 1])
+    least = f"with {room:.2f} m it could be reached: ask for no more, or leave it out" if room else "leave it out"
     raise InfeasibleError(
-        f"no way leads from home to it at ({where}) m with {space.clearance_m:.2f} m about the vehicle's centre{more}: "
-        "ask for less clearance or leave it out",
+        f"no way leads from home to it at ({where}) m with {space.nearest_m:.2f} m about the vehicle's centre{more}; "
+        f"{least}",
         field=f"viewpoint {names[first] if names else first + 1}",
     )

@@ -14,6 +14,7 @@ import numpy as np
 
 from gcs.planning.numerics.bernstein import control_from_monomial
 from gcs.planning.numerics.curve_bounds import Extremum, largest_norm, least, lipschitz_bounds
+from gcs.planning.numerics.curve_samples import sampled
 from gcs.planning.scene.fence import fence_volume, room_in_fence
 from gcs.planning.scene.room import HOME_COLUMN_RADIUS_M
 from gcs.planning.trajectories.deviation import PolylineDistance
@@ -193,9 +194,10 @@ def _deviation(
     path = PolylineDistance(path_m)
     count = max(2, math.ceil(2 * trajectory.duration_s / WRITTEN_STEP_S))
     step = trajectory.duration_s / count
-    times = (np.arange(count) + 0.5) * step
-    speed = np.linalg.norm(trajectory.value(times, 1), axis=1)
-    away = path.distance(trajectory.value(times))
+    times = (np.arange(count, dtype=np.float64) + 0.5) * step
+    curve = trajectory.coefficients, trajectory.durations_s
+    speed = np.linalg.norm(sampled(*curve, times, 1), axis=1)
+    away = path.distance(sampled(*curve, times, 0))
     written = np.append(np.arange(0.0, trajectory.duration_s, WRITTEN_STEP_S), trajectory.duration_s)
     bound = least(
         control,
@@ -207,7 +209,7 @@ def _deviation(
     return _Deviation(
         length_m=float(speed.sum() * step),
         mean_m=float((away * speed).sum() / max(speed.sum(), 1e-12)),
-        largest_written_m=_largest(path.distance(trajectory.value(written))),
+        largest_written_m=_largest(path.distance(sampled(*curve, written, 0))),
         bound_m=-bound.value,
     )
 

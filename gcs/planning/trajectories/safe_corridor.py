@@ -19,6 +19,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from gcs.planning.numerics.compiled import compiled
+
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
@@ -217,14 +219,20 @@ def _reach(span: NDArray[np.float64], margin_m: float) -> float:
 
     The distance from a straight is convex, so it is largest at a corner; opposite corners are alike.
     """
-    x, y, z = (float(c) for c in span)
+    return _corner_distance(float(span[0]), float(span[1]), float(span[2]), margin_m)
+
+
+@compiled
+def _corner_distance(x: float, y: float, z: float, margin: float) -> float:
+    """See `_reach`."""
     square = x * x + y * y + z * z
     worst = 0.0
     for high_y in (False, True):
         for high_z in (False, True):
-            px = x + margin_m
-            py = y + margin_m if high_y else -margin_m
-            pz = z + margin_m if high_z else -margin_m
-            along = min(max((px * x + py * y + pz * z) / square, 0.0), 1.0) if square > 0 else 0.0
-            worst = max(worst, math.dist((px, py, pz), (along * x, along * y, along * z)))
+            px = x + margin
+            py = y + margin if high_y else -margin
+            pz = z + margin if high_z else -margin
+            along = min(max((px * x + py * y + pz * z) / square, 0.0), 1.0) if square > 0.0 else 0.0
+            away = math.sqrt((px - along * x) ** 2 + (py - along * y) ** 2 + (pz - along * z) ** 2)
+            worst = max(worst, away)
     return worst

@@ -47,8 +47,8 @@ DESCENTS = ((0.7, 0.5), (1.0, 0.2))
 SNAP_TOLERANCE = 1e-4
 """How far, as a share, a curve's snap may be above the least one: the time is what is searched for."""
 
-LONG = 50
-"""Legs of this many pieces or more are searched patiently, and by all descents; the others by the first alone."""
+LONG = 30
+"""Legs of this many pieces or more are searched with more patience and for smaller gains."""
 
 PATIENCE, LONG_PATIENCE = 2, 3
 """A descent ends after this many rounds without a gain."""
@@ -131,8 +131,8 @@ class _Search:
 
     @property
     def is_over(self) -> bool:
-        pieces = len(self.best.durations_s)
-        return self.descent == (len(DESCENTS) if pieces >= LONG else min(pieces - 1, 1))
+        """Whether all descents are done; a single piece has only one time, and that is at the limits."""
+        return self.descent == len(DESCENTS) or len(self.best.durations_s) == 1
 
     def take(self, found: TimedLeg | None) -> None:
         """Go on from a curve, or to the next descent when none was found or none that gains."""
@@ -194,8 +194,10 @@ def time_legs(
 
 
 def _windows(limits: FlightLimits) -> list[float]:
-    least = 0.0 if limits.jerk_m_s3 is None else 2 * limits.acceleration_m_s2 / limits.jerk_m_s3
-    return [max(share * limits.speed_m_s / limits.acceleration_m_s2, least) for share in WINDOWS]
+    """Lengths of the averaging windows (s); the longer one leaves the jerk its time to turn the acceleration round."""
+    short, long = (share * limits.speed_m_s / limits.acceleration_m_s2 for share in WINDOWS)
+    turn = 0.0 if limits.jerk_m_s3 is None else 2 * limits.acceleration_m_s2 / limits.jerk_m_s3
+    return [short, max(long, turn)]
 
 
 def _solve(

@@ -91,7 +91,12 @@ def find_point_viewpoint(
     good = np.flatnonzero(seen & (pitch >= lowest) & (pitch <= highest))
     if not len(good):
         fenced = room_in_fence(places, space.model.fence) < space.model.tolerance
-        raise InfeasibleError(_reason(fenced, free, reachable, seen, space.clearance_m), field=_field(point))
+        room = None
+        if not reachable.any() and not fenced.all():
+            would_do = sight.clear(places, np.broadcast_to(target, places.shape), TARGET_GAP_M)
+            would_do &= (pitch >= lowest) & (pitch <= highest)
+            room = space.largest_clearance_m(places[would_do])
+        raise InfeasibleError(_reason(fenced, free, reachable, seen, space.clearance_m, room), field=_field(point))
     covered = ~space.is_open_sky(places[good])
     best = good[np.lexsort((order[good], covered, tilt[good]))[0]]
     length = float(np.linalg.norm(target - places[best]))
@@ -126,7 +131,9 @@ def _reason(
     reachable: NDArray[np.bool_],
     seen: NDArray[np.bool_],
     clearance_m: float,
+    room_m: float | None,
 ) -> str:
+    """What is in the way; `room_m` is the largest clearance that would leave a place, where it was looked for."""
     within = "within 60 degrees of its normal"
     if fenced.all():
         return (
@@ -137,12 +144,12 @@ def _reason(
         besides = f"; {fenced.mean():.0%} of them are outside the fence" if fenced.any() else ""
         return (
             f"every stand-off place {within} is inside the structure, nearer than {clearance_m:.2f} m to something or "
-            f"below the ground{besides}: turn the normal outwards, or allow a smaller clearance"
+            f"below the ground{besides}: turn the normal outwards, or {_smaller(room_m)}"
         )
     if not reachable.any():
         return (
-            f"the stand-off places {within} are inside the structure or enclosed by it: no way leads there from home; "
-            "turn the normal outwards"
+            f"the stand-off places {within} are inside the structure or enclosed by it: no way leads there from home "
+            f"with {clearance_m:.2f} m about the vehicle's centre: turn the normal outwards, or {_smaller(room_m)}"
         )
     if not seen.any():
         return (
@@ -150,3 +157,9 @@ def _reason(
             "check its position and normal"
         )
     return f"the gimbal cannot look at it from any free stand-off place {within}: its pitch range is too small"
+
+
+def _smaller(room_m: float | None) -> str:
+    if not room_m:
+        return "leave it out: no smaller clearance leaves a place either"
+    return f"allow a smaller clearance: with {room_m:.2f} m about the vehicle's centre it can be reached"

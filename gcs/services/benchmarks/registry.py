@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 BENCHMARKS = {
     "coverage": "viewpoints for a surface: coverage, views over their lower bound, seconds (--mesh FILE: of your own)",
-    "papers": "the papers' trajectory experiments: deviation, length, duration, tracking of every variant of the curve",
+    "papers": "the papers' experiments: deviation, length, duration and tracking of every variant of the curve; tours",
     "paths": "grid search and string pulling: milliseconds, and length above a closed form",
     "predictions": "what autopilots make of missions and setpoints; --records FOLDER: beside recorded flights",
     "tours": "tours and their proven lower bounds: cost, gap, seconds",

@@ -208,6 +208,17 @@ async def test_ardupilot_takes_off_in_guided_first_and_brakes_in_the_end(in_offb
     assert scripted.mode == 17
 
 
+@pytest.mark.parametrize(("autopilot", "asked"), [(mavlink.MAV_AUTOPILOT_PX4, True), (ARDUPILOT, False)])
+async def test_a_vehicle_that_takes_accelerations_is_asked_for_the_attitude_it_wants(in_offboard, autopilot, asked):
+    scripted, vehicle, session = await in_offboard(autopilot=autopilot)
+    sample = asyncio.get_running_loop().create_future()
+    vehicle.on_motion = lambda heard: sample.done() or sample.set_result(heard)
+    assert np.linalg.norm((await asyncio.wait_for(sample, 10.0)).thrust_axis) == pytest.approx(1.0)
+    wanted = [m.param1 for m in scripted.of("COMMAND_LONG") if m.command == 511]
+    assert (83.0 in wanted) is asked
+    await session.stop()
+
+
 async def test_the_source_is_flown_on_the_vehicles_clock(in_offboard):
     scripted, _, session = await in_offboard(speed=5.0)
     start = session.vehicle_now()

@@ -113,7 +113,7 @@ def test_two_stops_at_one_place(space):
 
 def test_a_stop_that_cannot_be_reached_is_named(space):
     stops = np.array([[-12.0, 0.0, 10.0], [-6.5, 0.0, 10.0]])
-    with pytest.raises(InfeasibleError, match="viewpoint L4: no way leads from home"):
+    with pytest.raises(InfeasibleError, match=r"viewpoint L4: no way leads from home.*; leave it out"):
         find_tour(space, HOME, stops, PlannerOptions(), leg_time, names=["L3", "L4"])
     with pytest.raises(InfeasibleError, match="viewpoint 2"):
         find_tour(space, HOME, stops, PlannerOptions(), leg_time)

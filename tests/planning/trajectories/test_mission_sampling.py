@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
-from itertools import pairwise
+from itertools import combinations, pairwise
 
 import numpy as np
 import pytest
 
 from gcs.core.errors import InputError
 from gcs.core.trajectory import PiecewisePolynomial
-from gcs.planning.trajectories.mission_sampling import chord_error, sample_mission_path
+from gcs.planning.trajectories.mission_sampling import (
+    chord_error,
+    farthest_chords,
+    fewest_chords,
+    sample_mission_path,
+)
 
 SMOOTH = np.array([0, 0, 0, 0, 35, -84, 70, -20], dtype=float)
 """7th-order step from rest to rest."""
@@ -155,3 +160,35 @@ def test_bad_times(times):
 
 def test_chord_error_of_a_single_point():
     assert chord_error([[0, 0, 0], [3, 4, 0]], [[0, 0, 0]]) == 5.0
+
+
+def fewest_by_trying_all(curve, tolerance):
+    """Of all choices of points that keep the chord error, the size of the smallest."""
+    inner = range(1, len(curve) - 1)
+    for count in range(len(curve)):
+        for chosen in combinations(inner, count):
+            kept = [0, *chosen, len(curve) - 1]
+            pairs = ((curve[a : b + 1], curve[[a, b]]) for a, b in pairwise(kept))
+            if all(chord_error(part, chord) <= tolerance for part, chord in pairs):
+                return len(kept)
+    return len(curve)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_no_choice_of_points_is_smaller(seed):
+    rng = np.random.default_rng(seed)
+    curve = np.cumsum(np.add(rng.normal(size=(11, 3)), (0.6, 0, 0)), axis=0)
+    for tolerance in (0.3, 0.8, 2.0):
+        kept = fewest_chords(curve, tolerance)
+        assert len(kept) == fewest_by_trying_all(curve, tolerance)
+        assert all(chord_error(curve[a : b + 1], curve[[a, b]]) <= tolerance for a, b in pairwise(kept))
+
+
+def test_chords_of_a_circle_are_as_long_as_the_error_lets_them():
+    # L = sqrt(8 R e) for a chord of length L on a circle of radius R
+    angle = np.linspace(0, 2.5, 2000)
+    curve = 20 * np.stack([np.cos(angle), np.sin(angle), 0 * angle], axis=1)
+    length = np.sqrt(8 * 20 * 0.1)
+    steps = np.linalg.norm(np.diff(curve[farthest_chords(curve, 0.1)], axis=0), axis=1)
+    assert steps[:-1] == pytest.approx(length, rel=0.01)
+    assert len(fewest_chords(curve, 0.1)) - 1 == int(np.ceil(20 * 2.5 / length))

@@ -1,0 +1,119 @@
+"""What an offboard flight learns of its vehicle while it flies, and gives back to its stream of setpoints."""
+
+from __future__ import annotations
+
+import threading
+from collections import deque
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from gcs.planning.dynamics.feed_forward import (
+    DRAG_SIGMA_S,
+    LAG_SIGMA_S,
+    NO_FEED_FORWARD,
+    DragEstimator,
+    FeedForward,
+    LagEstimator,
+    TiltLagEstimator,
+    eased,
+    usable,
+)
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from gcs.core.motion import MotionSample
+
+SENT_KEPT = 256
+"""Setpoints that are remembered: five seconds of a stream."""
+
+MOST_APART_S = 0.3
+"""A sample of the vehicle's motion this long after the last setpoint says nothing about how that is followed."""
+
+WORTH_SAYING_DRAG_S, WORTH_SAYING_LAG_S = 0.1, 0.05
+
+
+class StreamFeedForward:
+    """Learns drag and lag from setpoints and motion, and tells what the next setpoint may use of it.
+
+    `learn` and `news` are for the event loop; `at` and `sent` are for the thread that streams.
+
+    Args:
+        accelerates: whether the vehicle takes another acceleration than that of the setpoints' own motion.
+    """
+
+    def __init__(self, *, accelerates: bool) -> None:
+        self._accelerates = accelerates
+        self._drag = DragEstimator()
+        self._lag = LagEstimator()
+        self._tilt_lag = TiltLagEstimator()
+        self._lock = threading.Lock()
+        self._sent: deque[tuple[float, NDArray[np.float64], NDArray[np.float64]]] = deque(maxlen=SENT_KEPT)
+        self._wanted = NO_FEED_FORWARD
+        self._present = NO_FEED_FORWARD
+        self._at_s: float | None = None
+        self._said = NO_FEED_FORWARD
+
+    @property
+    def present(self) -> FeedForward:
+        """What the last setpoint used."""
+        return self._present
+
+    def at(self, vehicle_s: float) -> FeedForward:
+        """What the setpoint of a time of the vehicle's clock is to use: what was learned, eased in."""
+        step = 0.0 if self._at_s is None else vehicle_s - self._at_s
+        self._at_s = vehicle_s
+        self._present = eased(self._present, self._wanted, step)
+        return self._present
+
+    def sent(self, vehicle_s: float, position_m: NDArray[np.float64], velocity_m_s: NDArray[np.float64]) -> None:
+        """A setpoint goes out.
+
+        Args:
+            vehicle_s: on the vehicle's clock.
+            position_m: local ENU about the estimator's origin, shape (3,).
+            velocity_m_s: likewise.
+        """
+        with self._lock:
+            self._sent.append((vehicle_s, position_m, velocity_m_s))
+
+    def learn(self, sample: MotionSample) -> None:
+        """The vehicle tells how it moves."""
+        self._drag.add(sample)
+        self._tilt_lag.add(sample)
+        asked = self._asked_at(sample.vehicle_s)
+        if asked is not None:
+            self._lag.add(sample.vehicle_s, sample.position_m, *asked)
+        wanted = usable(self._drag.estimate, self._lag.estimate, self._tilt_lag.estimate)
+        self._wanted = wanted if self._accelerates else FeedForward(lead_s=wanted.lead_s)
+
+    def news(self) -> tuple[str, dict[str, Any]] | None:
+        """A line for the flight's log when what is learned has changed by something, and its numbers."""
+        wanted, said = self._wanted, self._said
+        lags = (wanted.lead_s - said.lead_s, wanted.tilt_lead_s - said.tilt_lead_s)
+        if abs(wanted.drag_s - said.drag_s) < WORTH_SAYING_DRAG_S and max(map(abs, lags)) < WORTH_SAYING_LAG_S:
+            return None
+        self._said = wanted
+        drag, lag, tilt_lag = self._drag.estimate, self._lag.estimate, self._tilt_lag.estimate
+        known = []
+        if drag.sigma <= DRAG_SIGMA_S:
+            known.append(f"drag {drag.value:.2f} ± {drag.sigma:.2f} m/s² per m/s, {wanted.drag_s:.2f} fed forward")
+        if lag.sigma <= LAG_SIGMA_S:
+            known.append(f"{lag.value:.2f} ± {lag.sigma:.2f} s behind its setpoints")
+        if tilt_lag.sigma <= LAG_SIGMA_S:
+            known.append(f"tilt {tilt_lag.value:.2f} ± {tilt_lag.sigma:.2f} s behind what is asked for")
+        text = "learned in flight: " + ("; ".join(known) or "nothing is certain any more")
+        numbers = {"drag_used_s": wanted.drag_s, "lead_s": wanted.lead_s, "tilt_lead_s": wanted.tilt_lead_s}
+        for name, estimate in (("drag", drag), ("lag", lag), ("tilt_lag", tilt_lag)):
+            numbers |= {f"{name}_s": estimate.value, f"{name}_sigma_s": estimate.sigma}
+        return text, numbers
+
+    def _asked_at(self, vehicle_s: float) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
+        """Position and velocity of the setpoint at a time; None when none went out about then."""
+        with self._lock:
+            sent = next((s for s in reversed(self._sent) if s[0] <= vehicle_s), None)
+        if sent is None or vehicle_s - sent[0] > MOST_APART_S:
+            return None
+        at_s, position, velocity = sent
+        return position + (vehicle_s - at_s) * velocity, velocity
