@@ -53,7 +53,7 @@ class Forecast:
     """How one way to fly a plan is predicted to go.
 
     Attributes:
-        time_s: from take-off to the ground; of setpoints without waiting for pictures.
+        time_s: from take-off to the ground; of setpoints as the plan has it, which is longer when pictures are late.
         waits_s: how much of it the mission stands still for pictures.
         mean_deviation_m: from the plan's curve.
         max_deviation_m: likewise.
@@ -275,6 +275,6 @@ def _choose(mission: Forecast, offboard: Forecast, needed_m: float, tracking_m: 
     if not offboard.keeps(needed_m):
         return "mission", f"fly it as a mission: as setpoints {offboard.problem(needed_m)}"
     follows = offboard.max_deviation_m <= max(tracking_m, mission.max_deviation_m)
-    if follows and mission.time_s - mission.waits_s > _PATIENCE * offboard.time_s:
+    if follows and mission.time_s > _PATIENCE * offboard.time_s:
         return "offboard", f"fly it offboard, which keeps the clearance too and is much quicker ({both})"
     return "mission", f"fly it as a mission, which keeps the clearance and needs no stream ({both})"

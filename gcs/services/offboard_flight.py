@@ -185,9 +185,10 @@ class OffboardFlight:
         """The setpoint at a time of the vehicle's clock; called from the stream's thread."""
         now = self._clock.read(vehicle_s)
         learned = self._feed_forward.at(vehicle_s)
-        position, velocity, _ = self._on_plan(now.time_s, now)
         ahead_s = min(now.time_s + learned.tilt_lead_s * now.rate, max(self._clock.gate_s, now.time_s))
-        _, velocity_ahead, acceleration = self._on_plan(ahead_s, now)
+        (position, _), (velocity, velocity_ahead), (_, acceleration) = self._on_plan(
+            now, np.array([now.time_s, ahead_s])
+        )
         self._due_s = now.time_s - learned.lead_s * now.rate
         setpoint = Setpoint(
             position_m=self._rotation @ position + self._shift,
@@ -198,16 +199,14 @@ class OffboardFlight:
         self._feed_forward.sent(vehicle_s, setpoint.position_m, setpoint.velocity_m_s)
         return setpoint
 
-    def _on_plan(
-        self, time_s: float, now: ClockReading
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-        """Position, velocity and acceleration at a time of the clock, as fast as the clock runs now."""
-        plan_s = float(self._warp.plan_time(time_s))
-        warp_rate, warp_change = float(self._warp.rate(time_s)), float(self._warp.acceleration(time_s))
+    def _on_plan(self, now: ClockReading, times_s: NDArray[np.float64]) -> list[NDArray[np.float64]]:
+        """Positions, velocities and accelerations at times of the clock, shape (n, 3), as fast as it runs now."""
+        plan_s = self._warp.plan_time(times_s)
+        warp_rate, warp_change = self._warp.rate(times_s)[:, None], self._warp.acceleration(times_s)[:, None]
         rate = warp_rate * now.rate
         change = warp_change * now.rate**2 + warp_rate * now.rate_change
         position, velocity, acceleration = (self._plan.trajectory.value(plan_s, k) for k in range(3))
-        return position, velocity * rate, acceleration * rate**2 + velocity * change
+        return [position, velocity * rate, acceleration * rate**2 + velocity * change]
 
     def _learn(self, sample: MotionSample) -> None:
         self._feed_forward.learn(sample)

@@ -41,7 +41,7 @@ def coverage_section(plan: Plan, structure: Structure) -> str:
         f"{coverage.share_coverable:.1%} can be seen. {len(coverage.verdicts)} sides were looked at."
     )
     views = "".join(f"<figure>{coverage_view(coverage, structure, axes, COLOURS)}</figure>" for axes in SIDES)
-    return f'<h2>Coverage</h2><p>{text}</p>{_bound(plan)}{_table(plan)}<div class="views">{views}</div>\n'
+    return f'<h2>Coverage</h2><p>{text}</p>{_bound(plan)}{_spots(plan)}{_table(plan)}<div class="views">{views}</div>\n'
 
 
 def _bound(plan: Plan) -> str:
@@ -53,6 +53,14 @@ def _bound(plan: Plan) -> str:
         f"<p>{told} viewpoints; no choice from the same candidate places that covers as much has fewer than "
         f"{bound:.1f}, so there are at most {told / bound - 1:.1%} too many.{more}</p>"
     )
+
+
+def _spots(plan: Plan) -> str:
+    counts = plan.certificates.spots
+    if not counts:
+        return ""
+    text = "; ".join(f"{Verdict[label.upper()].words}: {count}" for label, count in counts.items())
+    return f"<p>Of the {sum(counts.values())} named spots: {text}.</p>"
 
 
 def _table(plan: Plan) -> str:

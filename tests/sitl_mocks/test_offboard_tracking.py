@@ -5,6 +5,7 @@ The PX4-like vehicle is flown over real packets by the product's own offboard fl
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -63,13 +64,14 @@ def figure_of_eight():
     return from_rest_to_rest(lambda a: (16.0 * np.sin(a), 8.0 * np.sin(2 * a)), 0.195, 4 * np.pi)
 
 
-def recorded_curve():
-    """The curve that was flown on the real autopilot."""
+def recorded_curve(drag_s=0.0):
+    """The curve that was flown on the real autopilot, with as much drag fed forward, in all three axes."""
     if not RECORDS.is_dir():
         pytest.skip("no recorded flights here")
     c = np.genfromtxt(RECORDS / "curve.csv", delimiter=",", names=True)
     columns = (("x_e", "y_n", "z_u"), ("vx", "vy", "vz"), ("ax", "ay", "az"))
-    return Curve(c["t"], *(np.stack([c[name] for name in names], axis=1) for names in columns))
+    position, velocity, acceleration = (np.stack([c[name] for name in names], axis=1) for names in columns)
+    return Curve(c["t"], position, velocity, acceleration + drag_s * velocity)
 
 
 class Flown:
@@ -149,12 +151,35 @@ def recorded_vehicle(make_ground):
     return make_ground("px4", body="sih")
 
 
-def test_without_feed_forward_it_flies_as_the_recorded_vehicle_did(recorded_vehicle):
+RECORDED = {
+    "C_O_20Hz_lead0": ({}, 0.0),
+    "C_O_20Hz_lead0_drag1.0": ({}, 1.0),
+    "C_O_20Hz_lead0.1_drag1.0_gains": ({"MPC_XY_P": 1.5, "MPC_XY_VEL_P_ACC": 3.0}, 1.0),
+    "C_O_20Hz_zdefault": ({"MPC_Z_VEL_MAX_UP": 3.0, "MPC_Z_VEL_MAX_DN": 1.5}, 0.0),
+}
+"""Recorded flights: their parameters, and how much of the drag was fed forward."""
+
+
+@pytest.mark.parametrize("name", RECORDED)
+def test_it_flies_as_the_recorded_vehicle_did(make_ground, name):
+    parameters, drag_s = RECORDED[name]
+    curve = recorded_curve(drag_s)
+    ground = make_ground("px4", body="sih", parameters=tuple(parameters.items()))
+    flown, _ = fly(ground, curve, learning=False)
+    (case,) = [c for c in json.loads((RECORDS / "results.json").read_text())["cases"] if c["case"] == name]
+    lead_s = (case["settings"].get("lead") or [0.0])[0]
+    print(f"{flown}; recorded mean {case['ct_mean']} m, max {case['ct_max']} m, lag {case['lag_s'] + lead_s:.3f} s")
+    assert flown.deviation.mean() == pytest.approx(case["ct_mean"], abs=0.02, rel=0.25)
+    assert flown.deviation.max() == pytest.approx(case["ct_max"], abs=0.05, rel=0.2)
+    if name != "C_O_20Hz_zdefault":  # so far from its curve it is not late but elsewhere
+        assert flown.lag_s == pytest.approx(case["lag_s"] + lead_s, abs=0.03)
+
+
+def test_the_figures_that_it_has_to_reproduce_first(recorded_vehicle):
     flown, _ = fly(recorded_vehicle, recorded_curve(), learning=False)
-    print(flown)
-    assert flown.deviation.mean() == pytest.approx(0.38, abs=0.03)
-    assert flown.deviation.max() == pytest.approx(1.08, abs=0.1)
-    assert flown.lag_s == pytest.approx(0.28, abs=0.03)
+    assert flown.deviation.mean() == pytest.approx(0.38, abs=0.02)
+    assert flown.deviation.max() == pytest.approx(1.08, abs=0.06)
+    assert flown.lag_s == pytest.approx(0.28, abs=0.02)
 
 
 def test_with_what_it_learns_in_flight_it_keeps_much_closer(recorded_vehicle):

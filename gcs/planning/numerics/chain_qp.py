@@ -110,7 +110,7 @@ def evidence(
         y,
     )
     gap = above / (np.maximum(problem.outset.sum(axis=0) + change, 0.0) + problem.floor)
-    return np.where(np.isnan(violation), np.inf, violation), np.where(np.isnan(gap), np.inf, gap)
+    return violation, np.where(np.isnan(gap), np.inf, gap)
 
 
 @compiled_ieee
@@ -136,10 +136,9 @@ def _judged(
                     value = 0.0
                     for c in range(4):
                         value += rows[j, k, c] * x[a, j, c]
-                    # A comparison with NaN is false: it must not pass for an answer that is inside.
                     outside = max(low[a, j, k] - value, value - high[a, j, k])
-                    if not outside <= violation[i]:
-                        violation[i] = outside
+                    # No comparison with NaN is true: it must not pass for an answer that is inside.
+                    violation[i] = max(violation[i], np.inf if np.isnan(value) else outside)
                     slack = high[a, j, k] - value if y[a, j, k] > 0 else value - low[a, j, k]
                     above[i] += abs(y[a, j, k] * slack)
                 for c in range(4):

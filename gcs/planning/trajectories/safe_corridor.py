@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from gcs.core.errors import InputError
 from gcs.planning.numerics.compiled import compiled
 
 if TYPE_CHECKING:
@@ -92,8 +93,10 @@ def build_corridor(
         keep the clearance.
 
     Raises:
-        ValueError: the leg has no length.
+        InputError: a leg of fewer than two different points, or a number that is not finite or a width or length that is
+            not positive; it names the point.
     """
+    _check(leg_m, half_width_m, longest_m)
     last = len(leg_m) - 1
     column_start = column_at_start and _is_vertical(leg_m[0], leg_m[1])
     column_end = column_at_end and _is_vertical(leg_m[last - 1], leg_m[last])
@@ -104,7 +107,7 @@ def build_corridor(
         kept = _merge_corners(leg_m, fixed, 1e-9)
     corners = leg_m[kept]
     if len(corners) < 2 or np.linalg.norm(np.diff(corners, axis=0), axis=1).min() < 1e-9:
-        raise ValueError("a leg needs two different points")
+        raise InputError("a leg needs two different points", field="leg_m")
     joints, boxes = [corners[:1]], []
     for index, (a, b) in enumerate(itertools.pairwise(corners)):
         column = (column_start and index == 0) or (column_end and index == len(corners) - 2)
@@ -129,6 +132,18 @@ def build_corridor(
         joints.append(ends[1:])
         boxes.append(np.stack([low, high], axis=1))
     return LegCorridor(np.concatenate(joints), np.concatenate(boxes))
+
+
+def _check(leg_m: NDArray[np.float64], half_width_m: float, longest_m: float) -> None:
+    if leg_m.ndim != 2 or leg_m.shape[1] != 3 or len(leg_m) < 2:
+        raise InputError(f"a leg is two or more points of three coordinates, not shape {leg_m.shape}", field="leg_m")
+    finite = np.isfinite(leg_m).all(axis=1)
+    if not finite.all():
+        raise InputError(f"point {int(finite.argmin())} of the leg is not a finite number", field="leg_m")
+    if not 0 < half_width_m < math.inf:
+        raise InputError(f"a corridor's half-width must be positive, not {half_width_m:g}", field="half_width_m")
+    if not longest_m > 0:
+        raise InputError(f"the longest sub-leg must be positive, not {longest_m:g}", field="longest_m")
 
 
 def stop_box(stop_m: NDArray[np.float64], half_width_m: float, space: FreeSpace | None = None) -> NDArray[np.float64]:

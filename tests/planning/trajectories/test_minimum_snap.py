@@ -1,10 +1,13 @@
 """Minimum snap against closed forms, and against solvers and formulations of other kinds."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.optimize import minimize
 
 from gcs.planning.numerics.bernstein import monomial_from_control
+from gcs.planning.numerics.chain_qp import ChainSolver
 from gcs.planning.numerics.qp_solver import ClarabelSolver, OsqpSolver, PiqpSolver, SolverError, default_solvers
 from gcs.planning.trajectories.minimum_snap import minimum_snap, rest_to_rest_cost, snap_cost
 from gcs.planning.trajectories.safe_corridor import LegCorridor, build_corridor
@@ -36,6 +39,36 @@ def test_a_single_segment_is_the_seventh_order_rest_to_rest_polynomial():
     np.testing.assert_allclose(monomial_from_control(control)[0], REST_TO_REST[:, None] * target, atol=1e-9)
     cost = rest_to_rest_cost(float(np.linalg.norm(target)), np.array(3.0))
     assert snap_cost(control, np.array([3.0])) == pytest.approx(float(cost), rel=1e-12)
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_the_chains_own_solver_is_inside_and_no_costlier_than_a_general_one(seed):
+    rng = np.random.default_rng(seed)
+    leg = np.cumsum(rng.normal(size=(rng.integers(2, 12), 3)) * rng.choice([0.3, 3, 30]), axis=0)
+    corridor = build_corridor(leg, 0.5, rng.choice([1.0, 4.0, 40.0]))
+    durations = (0.2 + corridor.lengths_m) * rng.uniform(0.3, 3, len(corridor.boxes_m))
+    (ours,) = minimum_snap([corridor], [durations], [ChainSolver()])
+    (theirs,) = minimum_snap([corridor], [durations], [PiqpSolver(), ClarabelSolver()])
+    assert (ours >= corridor.boxes_m[:, :1]).all()
+    assert (ours <= corridor.boxes_m[:, 1:]).all()
+    assert snap_cost(ours, durations) <= snap_cost(theirs, durations) * (1 + 1e-5)
+
+
+def test_a_chain_that_does_not_settle_goes_to_the_general_solvers(bent):
+    class Unsettled(ChainSolver):
+        name = "unsettled"
+
+        def solve(self, problem):
+            answer = super().solve(problem)
+            return replace(answer, good=answer.good & (np.arange(len(answer.good)) != 1))
+
+    corridor, durations = bent
+    asked = FailsOn(100)
+    curves = minimum_snap([corridor] * 3, [durations] * 3, [Unsettled(), asked])
+    assert asked.asked == [4 * (len(durations) - 1)] * 3
+    np.testing.assert_allclose(curves[1], curves[0], atol=2e-3)
+    with pytest.raises(SolverError, match="leg 1: unsettled did not settle"):
+        minimum_snap([corridor] * 3, [durations] * 3, [Unsettled()])
 
 
 def test_joints_that_are_free_in_wide_boxes_give_the_same_single_polynomial():
@@ -82,8 +115,6 @@ class Trusting:
         self.solver, self.name = solver, solver.name
 
     def solve(self, problem):
-        from dataclasses import replace
-
         return replace(self.solver.solve(problem), solved=True, gap=0.0, violation=0.0)
 
 
@@ -153,8 +184,6 @@ class FailsOn:
         self.joints, self.asked = joints, []
 
     def solve(self, problem):
-        from dataclasses import replace
-
         self.asked.append(len(problem.gradient))
         answer = PiqpSolver().solve(problem)
         return answer if len(problem.gradient) <= 4 * self.joints else replace(answer, solved=False, status="no")

@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from gcs.core.errors import InputError
 from gcs.planning.trajectories.deviation import PolylineDistance
 from gcs.planning.trajectories.safe_corridor import COLUMN_HALF_WIDTH_M, build_corridor, corridor_reach
 
@@ -80,5 +81,21 @@ def test_the_top_of_a_column_is_never_merged_away():
 def test_repeated_points_are_passed_over_and_a_leg_without_length_refused():
     twice = build_corridor(np.array([[0.0, 0, 0], [0, 0, 0], [1, 0, 0]]), 0.5)
     assert len(twice.boxes_m) == 1
-    with pytest.raises(ValueError, match="two different points"):
+    with pytest.raises(InputError, match="two different points"):
         build_corridor(np.zeros((3, 3)), 0.5)
+
+
+@pytest.mark.parametrize(
+    ("leg", "half_width", "longest", "message"),
+    [
+        (np.zeros((1, 3)), 0.5, 2.0, "two or more points"),
+        (np.zeros((4, 2)), 0.5, 2.0, "two or more points"),
+        (np.array([[0, 0, 0], [1, np.nan, 0], [2, 0, 0]]), 0.5, 2.0, "point 1 of the leg is not a finite"),
+        (np.array([[0.0, 0, 0], [2, 0, 0]]), 0.0, 2.0, "half-width must be positive"),
+        (np.array([[0.0, 0, 0], [2, 0, 0]]), np.nan, 2.0, "half-width must be positive"),
+        (np.array([[0.0, 0, 0], [2, 0, 0]]), 0.5, 0.0, "longest sub-leg must be positive"),
+    ],
+)
+def test_legs_and_widths_that_cannot_be_used_are_refused(leg, half_width, longest, message):
+    with pytest.raises(InputError, match=message):
+        build_corridor(leg, half_width, longest)
