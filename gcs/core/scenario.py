@@ -49,7 +49,8 @@ class VehicleSpec(Strict):
     `hover_speed_m_s` is how fast it drifts while it holds a position; pictures must be sharp at that speed. A drift of
     0.1 m to and fro in six seconds, as position control keeps in a light wind, is 0.1 m/s at its fastest.
     `rotors` and `drag_area_m2` are as usual for the mass where they are not given; `avionics_w` is what electronics and
-    payload take. `count` vehicles share the work; the first stands at home_m, the others on `pads_m`, or in a row
+    payload take. `max_tilt_deg` is the thrust's angle from the vertical and `max_thrust_ratio` thrust over weight that a
+    plan may ask for, wind and drag left out. `count` vehicles share the work; the first stands at home_m, the others on `pads_m`, or in a row
     beside it.
     """
 
@@ -57,6 +58,8 @@ class VehicleSpec(Strict):
     max_speed_m_s: Positive = 5.0
     max_acceleration_m_s2: Positive = 2.5
     max_jerk_m_s3: Positive | None = None
+    max_tilt_deg: Annotated[float, Field(gt=0, lt=90)] | None = None
+    max_thrust_ratio: Annotated[float, Field(gt=1)] | None = None
     hover_speed_m_s: NonNegative = 0.1
     mass_kg: Positive = 3.0
     rotors: Rotors | None = None

@@ -27,6 +27,8 @@ from gcs.planning.numerics.compiled import compiled
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from gcs.core.scenario import VehicleSpec
+
 LIMIT_MARGIN = 0.001
 """Share of each limit that is left unused."""
 
@@ -154,6 +156,49 @@ class RotorLimits(FlightLimits):
         cotangent = 0.0 if self.tilt_rad is None else 1 / math.tan(self.tilt_rad)
         above = math.inf if self.thrust_m_s2 is None else self.thrust_m_s2**2 - GRAVITY_M_S2**2
         return cotangent, above
+
+
+def limits_of(vehicle: VehicleSpec) -> FlightLimits:
+    """What a scenario's vehicle may reach."""
+    if vehicle.max_tilt_deg is None and vehicle.max_thrust_ratio is None:
+        return FlightLimits(vehicle.max_speed_m_s, vehicle.max_acceleration_m_s2, vehicle.max_jerk_m_s3)
+    return RotorLimits(
+        vehicle.max_speed_m_s,
+        vehicle.max_acceleration_m_s2,
+        vehicle.max_jerk_m_s3,
+        tilt_rad=None if vehicle.max_tilt_deg is None else math.radians(vehicle.max_tilt_deg),
+        thrust_m_s2=None if vehicle.max_thrust_ratio is None else vehicle.max_thrust_ratio * GRAVITY_M_S2,
+    )
+
+
+def largest_tilt_rad(control: NDArray[np.float64], durations_s: NDArray[np.float64]) -> float:
+    """Bound of the thrust's angle (rad) from the vertical over the whole of a curve; pi / 2 or more counts as pi / 2.
+
+    Args:
+        control: shape (n, 8, 3).
+        durations_s: shape (n,).
+    """
+    accelerations = derivative(control, 2) / durations_s[:, None, None] ** 2
+    first = np.array([0, len(durations_s)])
+    low, high = 0.0, math.pi / 2
+    while high - low > 1e-6:
+        middle = (low + high) / 2
+        # A tilt is kept where its share of the weight is: the limit 1 stands for the whole of it.
+        kept = _largest_over_curves(first, accelerations / 1e9, 1e9, 1 / math.tan(middle), math.inf)[0] <= 1.0
+        low, high = (low, middle) if kept else (middle, high)
+    return high
+
+
+def largest_thrust_ratio(control: NDArray[np.float64], durations_s: NDArray[np.float64]) -> float:
+    """Bound of thrust over weight over the whole of a curve.
+
+    Args:
+        control: shape (n, 8, 3).
+        durations_s: shape (n,).
+    """
+    thrust = derivative(control, 2) / durations_s[:, None, None] ** 2 + np.array([0.0, 0.0, GRAVITY_M_S2])
+    first = np.array([0, len(durations_s)])
+    return float(_largest_over_curves(first, thrust, 1.0, 0.0, math.inf)[0]) / GRAVITY_M_S2
 
 
 def peaks(control: NDArray[np.float64], durations_s: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -93,7 +93,7 @@ def build_corridor(
         keep the clearance.
 
     Raises:
-        InputError: a leg of fewer than two different points, or a number that is not finite or a width or length that is
+        InputError: a leg of fewer than two different points, a number that is not finite, or a width or length that is
             not positive; it names the point.
     """
     _check(leg_m, half_width_m, longest_m)
