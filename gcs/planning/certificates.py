@@ -106,6 +106,12 @@ def check_figures(figures: CurveFigures, scenario: Scenario) -> list[Check]:
         checks.append(_at_most("deviation", f.deviation_bound_m, reach, "m", "bound of the distance from the path"))
     if vehicle.max_jerk_m_s3 is not None:
         checks.append(_at_most("max_jerk_m_s3", f.max_jerk_m_s3, vehicle.max_jerk_m_s3, "m/s^3", "largest jerk"))
+    if vehicle.max_tilt_deg is not None and f.max_tilt_rad is not None:
+        limit = math.radians(vehicle.max_tilt_deg)
+        checks.append(_at_most("max_tilt", f.max_tilt_rad, limit, "rad", "largest tilt, in still air"))
+    if vehicle.max_thrust_ratio is not None and f.max_thrust_ratio is not None:
+        limit = vehicle.max_thrust_ratio
+        checks.append(_at_most("max_thrust_ratio", f.max_thrust_ratio, limit, "", "largest thrust over weight"))
     if scenario.fence is not None:
         checks.append(_at_least("fence", f.fence_room_m, 0.0, "m", "room to the fence"))
     return checks

@@ -85,6 +85,14 @@ def test_too_fast_is_found(tower_flight, tower_scenario, tower_distance):
     assert failed(tower_flight, slow, tower_distance) == {"max_speed_m_s", "max_jerk_m_s3"}
 
 
+def test_too_much_tilt_and_thrust_are_found(tower_flight, tower_scenario, tower_distance):
+    weak = tower_scenario.vehicle.model_copy(update={"max_tilt_deg": 3.0, "max_thrust_ratio": 1.001})
+    found = failed(tower_flight, tower_scenario.model_copy(update={"vehicle": weak}), tower_distance)
+    assert found == {"max_tilt", "max_thrust_ratio"}
+    able = tower_scenario.vehicle.model_copy(update={"max_tilt_deg": 40.0, "max_thrust_ratio": 1.5})
+    assert not failed(tower_flight, tower_scenario.model_copy(update={"vehicle": able}), tower_distance)
+
+
 def test_a_structure_that_is_too_near_is_found(tower_flight, tower_scenario, tower):
     near = replace(tower, vertices_m=tower.vertices_m + np.array([4.5, 0, 0]))
     assert failed(tower_flight, tower_scenario, SceneDistance(near, 0.0)) == {"min_clearance_m"}

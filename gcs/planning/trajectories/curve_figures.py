@@ -18,6 +18,7 @@ from gcs.planning.numerics.curve_samples import sampled
 from gcs.planning.scene.fence import fence_volume, room_in_fence
 from gcs.planning.scene.room import HOME_COLUMN_RADIUS_M
 from gcs.planning.trajectories.deviation import PolylineDistance
+from gcs.planning.trajectories.flight_limits import largest_thrust_ratio, largest_tilt_rad
 from gcs.planning.views.viewpoint_pose import camera_axes
 
 if TYPE_CHECKING:
@@ -57,6 +58,8 @@ class CurveFigures:
         max_deviation_m: largest distance from the nearest point of the path at the 50 Hz of the written trajectory.
         deviation_bound_m: bound of the same over the whole curve; higher where the nearest leg changes between samples.
         clearance_time_s: where the hull comes nearest.
+        max_tilt_rad: largest angle of the thrust from the vertical, when the vehicle's is limited.
+        max_thrust_ratio: largest thrust over weight, when the vehicle's is limited.
         largest_jump: largest jump of position, velocity, acceleration or jerk at a joint (SI units).
         unrest_m_s: largest speed at the start, at the end and at the exposures.
         unrest_m_s2: largest acceleration there.
@@ -79,6 +82,8 @@ class CurveFigures:
     max_speed_m_s: float
     max_acceleration_m_s2: float
     max_jerk_m_s3: float
+    max_tilt_rad: float | None
+    max_thrust_ratio: float | None
     corridor_violation_m: float
     worst_viewpoint_miss_m: float
     largest_jump: float
@@ -133,6 +138,10 @@ def measure(
         max_speed_m_s=largest_norm(control, durations, 1).value,
         max_acceleration_m_s2=largest_norm(control, durations, 2).value,
         max_jerk_m_s3=largest_norm(control, durations, 3).value,
+        max_tilt_rad=None if scenario.vehicle.max_tilt_deg is None else largest_tilt_rad(control, durations),
+        max_thrust_ratio=None
+        if scenario.vehicle.max_thrust_ratio is None
+        else largest_thrust_ratio(control, durations),
         corridor_violation_m=float(np.maximum(low - control, control - high).max(initial=0.0)),
         worst_viewpoint_miss_m=_largest(np.linalg.norm(trajectory.value(times) - positions, axis=1)),
         largest_jump=_largest_jump(trajectory),

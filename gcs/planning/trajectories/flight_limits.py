@@ -37,6 +37,9 @@ GRAVITY_M_S2 = 9.80665
 TOLERANCE = 1e-7
 """How far, as a share, the bound of an extremum is over the true one."""
 
+_NO_LIMIT = 1e9
+"""A limit of the acceleration that is never the nearest."""
+
 _SAMPLES = 13
 _DEEPEST = 60
 
@@ -183,8 +186,7 @@ def largest_tilt_rad(control: NDArray[np.float64], durations_s: NDArray[np.float
     low, high = 0.0, math.pi / 2
     while high - low > 1e-6:
         middle = (low + high) / 2
-        # A tilt is kept where its share of the weight is: the limit 1 stands for the whole of it.
-        kept = _largest_over_curves(first, accelerations / 1e9, 1e9, 1 / math.tan(middle), math.inf)[0] <= 1.0
+        kept = _largest_over_curves(first, accelerations, _NO_LIMIT, 1 / math.tan(middle), math.inf)[0] <= _NO_LIMIT
         low, high = (low, middle) if kept else (middle, high)
     return high
 

@@ -32,8 +32,8 @@ CHORD_ERROR_M = 0.3
 _SAMPLE_S = 0.02
 _SAMPLE_M = 0.05
 _MOST_ENDS = 240
-_COLUMN_M = 0.05
-"""Within this horizontal distance of home the climb and the descent count as vertical."""
+_MOST_CORNERS = 40
+_CORNER_COSINE = math.cos(math.radians(2.0))
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,7 +41,7 @@ class MissionPath:
     """A trajectory as straight legs.
 
     Attributes:
-        takeoff_m: top of the vertical climb over home, shape (3,).
+        takeoff_m: top of the vertical climb, exactly over home, shape (3,).
         legs_m: one leg a viewpoint and one back: points after the leg's start, the last is the viewpoint, or the top of
             the vertical descent; each of shape (K, 3), K >= 1.
         chord_error_m: largest distance of the curve from the straight legs.
@@ -59,6 +59,8 @@ def sample_mission_path(
 ) -> MissionPath:
     """Find straight legs for a trajectory that starts and ends at home.
 
+    While it stays within the chord error of the vertical through home it counts as climb or descent.
+
     Args:
         trajectory: the curve, scene ENU.
         stop_times_s: when each viewpoint is photographed (s on the trajectory), increasing; the curve is at rest there.
@@ -73,16 +75,22 @@ def sample_mission_path(
     if any(a > b for a, b in itertools.pairwise(times)):
         raise InputError("stop times must increase and lie on the trajectory", field="stop_times_s")
     home = trajectory.value(np.array([0.0, trajectory.duration_s]))
-    climb_end = _column_end(trajectory, home[0], np.arange(times[0], times[1], _SAMPLE_S), times[1])
-    descent_start = _column_end(trajectory, home[1], np.arange(times[-1], times[-2], -_SAMPLE_S), times[-2])
-    times[0], times[-1] = climb_end, descent_start
+    up, down = np.arange(times[0], times[1], _SAMPLE_S), np.arange(times[-1], times[-2], -_SAMPLE_S)
+    times[0] = _column_end(trajectory, home[0], up, times[1], chord_error_m)
+    times[-1] = _column_end(trajectory, home[1], down, times[-2], chord_error_m)
     legs, worst = [], 0.0
-    for start, end in itertools.pairwise(times):
+    for leg, (start, end) in enumerate(itertools.pairwise(times)):
         curve = _dense(trajectory, start, end)
-        kept = fewest_chords(curve, chord_error_m)
-        worst = max(worst, chord_error(curve, curve[kept]))
-        legs.append(curve[kept[1:]])
-    return MissionPath(trajectory.value(climb_end), tuple(legs), worst)
+        line = curve.copy()
+        if leg == 0:
+            line[0, :2] = home[0, :2]
+            takeoff = line[0].copy()
+        if leg == len(times) - 2:
+            line[-1, :2] = home[1, :2]
+        kept = fewest_chords(line, chord_error_m)
+        worst = max(worst, chord_error(curve, line[kept]))
+        legs.append(line[kept[1:]])
+    return MissionPath(takeoff, tuple(legs), worst)
 
 
 def chord_error(curve_m: ArrayLike, polyline_m: ArrayLike) -> float:
@@ -98,11 +106,15 @@ def chord_error(curve_m: ArrayLike, polyline_m: ArrayLike) -> float:
 
 
 def _column_end(
-    trajectory: PiecewisePolynomial, home_m: NDArray[np.float64], times_s: NDArray[np.float64], last_s: float
+    trajectory: PiecewisePolynomial,
+    home_m: NDArray[np.float64],
+    times_s: NDArray[np.float64],
+    last_s: float,
+    within_m: float,
 ) -> float:
     """The last of the times up to which the curve stays over home without a break; `last_s` if it always does."""
     points = trajectory.value(times_s)
-    away = np.linalg.norm(points[:, :2] - home_m[:2], axis=1) > _COLUMN_M
+    away = np.linalg.norm(points[:, :2] - home_m[:2], axis=1) > within_m
     if not away.any():
         return last_s
     return float(times_s[max(int(np.argmax(away)) - 1, 0)])
@@ -127,10 +139,12 @@ def fewest_chords(curve_m: ArrayLike, chord_error_m: float) -> list[int]:
         chord_error_m: how far the curve may lie from the chord over it.
 
     Returns:
-        Indices, increasing. Of more than 240 points evenly chosen 240 are looked at as ends of chords.
+        Indices, increasing. Of more than 240 points evenly chosen 240, and the sharpest corners, are looked at as ends
+        of chords.
     """
     curve = np.ascontiguousarray(curve_m, dtype=np.float64)
-    ends = np.unique(np.linspace(0, len(curve) - 1, min(len(curve), _MOST_ENDS)).round().astype(np.int64))
+    even = np.linspace(0, len(curve) - 1, min(len(curve), _MOST_ENDS)).round().astype(np.int64)
+    ends = np.union1d(even, _corners(curve))
     before = np.empty(len(ends), dtype=np.int64)
     _shortest(curve, ends, chord_error_m, before)
     kept = [len(ends) - 1]
@@ -166,6 +180,16 @@ def farthest_chords(curve_m: ArrayLike, chord_error_m: float) -> list[int]:
                 far = middle
         kept.append(near)
     return kept
+
+
+def _corners(curve: NDArray[np.float64]) -> NDArray[np.int64]:
+    """Indices of the sharpest corners between a curve's points."""
+    steps = np.diff(curve, axis=0)
+    sizes = np.linalg.norm(steps, axis=1)
+    product = sizes[1:] * sizes[:-1]
+    cosine = np.einsum("ij,ij->i", steps[1:], steps[:-1]) / np.where(product > 0, product, 1.0)
+    sharp = np.nonzero((cosine < _CORNER_COSINE) & (product > 0))[0]
+    return np.asarray(1 + sharp[np.argsort(cosine[sharp])][:_MOST_CORNERS], dtype=np.int64)
 
 
 @compiled

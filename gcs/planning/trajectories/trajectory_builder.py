@@ -15,8 +15,9 @@ import numpy as np
 from gcs.core.trajectory import DEGREE, AngleProfile, PiecewisePolynomial
 from gcs.planning.numerics.bernstein import monomial_from_control
 from gcs.planning.numerics.qp_solver import default_solvers
+from gcs.planning.trajectories.flight_limits import FlightLimits, limits_of
 from gcs.planning.trajectories.safe_corridor import build_corridor, stop_box
-from gcs.planning.trajectories.time_allocation import FlightLimits, time_legs
+from gcs.planning.trajectories.time_allocation import time_legs
 from gcs.planning.trajectories.waypoint_curves import LegEnds, hull_boxes, waypoint_curves
 from gcs.planning.views.viewing_angles import schedule_views
 
@@ -120,7 +121,7 @@ def leg_curves(
         OperationCancelled: the progress said so.
     """
     vehicle, variant = scenario.vehicle, scenario.planner.trajectory
-    limits = FlightLimits(vehicle.max_speed_m_s, vehicle.max_acceleration_m_s2, vehicle.max_jerk_m_s3)
+    limits = limits_of(vehicle)
     half_width = scenario.safety.corridor_half_width_m
     last = len(legs_m) - 1
     flown = [index for index, leg in enumerate(legs_m) if _has_length(leg)]

@@ -9,11 +9,20 @@ from hypothesis import strategies as st
 
 from gcs.core.errors import GcsError, InputError
 from gcs.core.progress import SilentProgress
+from gcs.core.scenario import VehicleSpec
 from gcs.core.trajectory import PiecewisePolynomial
 from gcs.planning.numerics.bernstein import monomial_from_control
 from gcs.planning.numerics.curve_samples import sampled
 from gcs.planning.numerics.qp_solver import default_solvers
-from gcs.planning.trajectories.flight_limits import GRAVITY_M_S2, LIMIT_MARGIN, FlightLimits, RotorLimits
+from gcs.planning.trajectories.flight_limits import (
+    GRAVITY_M_S2,
+    LIMIT_MARGIN,
+    FlightLimits,
+    RotorLimits,
+    largest_thrust_ratio,
+    largest_tilt_rad,
+    limits_of,
+)
 from gcs.planning.trajectories.safe_corridor import build_corridor
 from gcs.planning.trajectories.time_allocation import TimedLeg, fit_limits, time_legs
 
@@ -133,3 +142,20 @@ def test_compiled_samples_are_the_curve(order):
     times = np.sort(np.concatenate([[-1.0], curve.starts_s, rng.uniform(0, curve.duration_s, 200), [1e3]]))
     found = sampled(curve.coefficients, curve.durations_s, times, order)
     np.testing.assert_allclose(found, curve.value(times, order), rtol=1e-9, atol=1e-9)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_the_largest_tilt_and_thrust_are_those_of_dense_samples(seed):
+    rng = np.random.default_rng(seed)
+    timed = TimedLeg(rng.normal(size=(3, 8, 3)), rng.uniform(3, 6, 3))
+    tilt, thrust = tilt_and_thrust(timed)
+    assert tilt * (1 - 1e-9) <= largest_tilt_rad(timed.control, timed.durations_s) <= tilt + 1e-3
+    ratio = largest_thrust_ratio(timed.control, timed.durations_s)
+    assert thrust / G * (1 - 1e-9) <= ratio <= thrust / G * (1 + 1e-3)
+
+
+def test_the_limits_of_a_vehicle_are_those_of_its_scenario():
+    assert limits_of(VehicleSpec(max_speed_m_s=3.0, max_jerk_m_s3=4.0)) == FlightLimits(3.0, 2.5, 4.0)
+    found = limits_of(VehicleSpec(max_tilt_deg=20.0))
+    assert found == RotorLimits(5.0, 2.5, None, math.radians(20), None)
+    assert limits_of(VehicleSpec(max_thrust_ratio=1.5)).thrust_m_s2 == pytest.approx(1.5 * G)

@@ -48,6 +48,21 @@ def test_every_segment_stays_in_its_box_and_limits_hold(tower_flight, tower_scen
         assert np.linalg.norm(curve.value(t, order), axis=1).max() <= limit
 
 
+def test_a_vehicle_that_may_not_tilt_much_or_climb_hard_is_planned_so(tower_scenario):
+    vehicle = tower_scenario.vehicle.model_copy(update={"max_tilt_deg": 6.0, "max_thrust_ratio": 1.03})
+    scenario = tower_scenario.model_copy(update={"vehicle": vehicle})
+    home = np.array(tower_scenario.home_m)
+    over_home, stop = home + np.array([0, 0, 8.0]), np.array([-10.0, 0, 20])
+    legs = [np.array([home, over_home, stop]), np.array([stop, over_home, home])]
+    curve = build_trajectory(legs, np.zeros(1), np.zeros(1), scenario, SilentProgress()).trajectory
+    thrust = curve.value(np.linspace(0, curve.duration_s, 20_001), 2) + np.array([0, 0, 9.80665])
+    size = np.linalg.norm(thrust, axis=1)
+    tilt = np.degrees(np.arccos(thrust[:, 2] / size)).max()
+    assert tilt <= 6.0
+    assert size.max() <= 1.03 * 9.80665
+    assert max(tilt / 6, (size.max() / 9.80665 - 1) / 0.03) > 0.95
+
+
 def test_the_estimate_of_leg_times_is_a_close_lower_bound(tower_flight, tower_scenario):
     vehicle = tower_scenario.vehicle
     limits = FlightLimits(vehicle.max_speed_m_s, vehicle.max_acceleration_m_s2)
