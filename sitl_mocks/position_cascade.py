@@ -11,12 +11,16 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import TYPE_CHECKING, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gcs.planning.dynamics.quadrotor import GRAVITY_M_S2
 from gcs.planning.numerics.compiled import compiled
+
+if TYPE_CHECKING:
+    from sitl_mocks.parameters import ParameterServer
 
 Array = NDArray[np.float64]
 
@@ -51,6 +55,21 @@ class CascadeGains:
     velocity_z_i: float
     velocity_z_d: float
     max_tilt_rad: float
+
+    @classmethod
+    def of(cls, parameters: ParameterServer) -> Self:
+        """The gains that a vehicle's parameters ask for."""
+        return cls(
+            position=parameters["MPC_XY_P"],
+            position_z=parameters["MPC_Z_P"],
+            velocity=parameters["MPC_XY_VEL_P_ACC"],
+            velocity_i=parameters["MPC_XY_VEL_I_ACC"],
+            velocity_d=parameters["MPC_XY_VEL_D_ACC"],
+            velocity_z=parameters["MPC_Z_VEL_P_ACC"],
+            velocity_z_i=parameters["MPC_Z_VEL_I_ACC"],
+            velocity_z_d=parameters["MPC_Z_VEL_D_ACC"],
+            max_tilt_rad=math.radians(parameters["MPC_TILTMAX_AIR"]),
+        )
 
     def packed(self) -> Array:
         """The numbers as the kernel takes them."""

@@ -174,18 +174,7 @@ class Px4Vehicle(SimulatedVehicle):
 
     def setpoint_gains(self) -> CascadeGains:
         """See base class."""
-        p = self.parameters
-        return CascadeGains(
-            position=p["MPC_XY_P"],
-            position_z=p["MPC_Z_P"],
-            velocity=p["MPC_XY_VEL_P_ACC"],
-            velocity_i=p["MPC_XY_VEL_I_ACC"],
-            velocity_d=p["MPC_XY_VEL_D_ACC"],
-            velocity_z=p["MPC_Z_VEL_P_ACC"],
-            velocity_z_i=p["MPC_Z_VEL_I_ACC"],
-            velocity_z_d=p["MPC_Z_VEL_D_ACC"],
-            max_tilt_rad=math.radians(p["MPC_TILTMAX_AIR"]),
-        )
+        return CascadeGains.of(self.parameters)
 
     def descent(self) -> DescentProfile:
         """How it comes down."""

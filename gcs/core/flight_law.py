@@ -74,7 +74,6 @@ class Px4Law:
         vertical_velocity_gains_s: MPC_Z_VEL_P_ACC, ..._I_ACC and ..._D_ACC.
         max_tilt_rad: MPC_TILTMAX_AIR.
         landing_speed_m_s: MPC_LAND_SPEED, below 5 m above home.
-        take_off_speed_m_s: MPC_TKO_SPEED, close to the ground.
     """
 
     cruise_m_s: float = 5.0
@@ -97,7 +96,6 @@ class Px4Law:
     vertical_velocity_gains_s: tuple[float, float, float] = (4.0, 2.0, 0.0)
     max_tilt_rad: float = math.radians(45.0)
     landing_speed_m_s: float = 0.7
-    take_off_speed_m_s: float = 1.5
 
 
 FlightLaw = ArduPilotLaw | Px4Law

@@ -32,9 +32,17 @@ class Command(IntEnum):
     DO_DIGICAM_CONTROL = 203
     DO_GIMBAL_MANAGER_PITCHYAW = 1000
     IMAGE_START_CAPTURE = 2000
+    NAV_FENCE_RETURN_POINT = 5000
+    NAV_FENCE_POLYGON_VERTEX_INCLUSION = 5001
+    NAV_FENCE_POLYGON_VERTEX_EXCLUSION = 5002
+    NAV_FENCE_CIRCLE_INCLUSION = 5003
+    NAV_FENCE_CIRCLE_EXCLUSION = 5004
+    NAV_RALLY_POINT = 5100
 
 
-PLACE_COMMANDS = frozenset({16, 17, 18, 19, 21, 22, 30, 31, 80, 82, 84, 85, 92, 94, 179, 195, 201})
+PLACE_COMMANDS = frozenset(
+    {16, 17, 18, 19, 21, 22, 30, 31, 80, 82, 84, 85, 92, 94, 179, 195, 201, 5000, 5001, 5002, 5003, 5004, 5100}
+)
 """Commands whose x, y, z are a place; of the others they are plain numbers, whatever the frame says."""
 
 

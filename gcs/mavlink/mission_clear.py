@@ -38,12 +38,13 @@ class MissionClear(MissionTransaction[None]):
         if self.finished:
             return
         self._tries += 1
+        noun = self._mission_type.noun
         if self._tries < self._timing.tries:
             self.start()
         elif self._refusal is not None:
-            self._fail(RefusedError(f"the vehicle does not clear its mission: {result_words(self._refusal)}"))
+            self._fail(RefusedError(f"the vehicle does not clear its {noun}: {result_words(self._refusal)}"))
         else:
-            self._fail(LinkError("no answer to clearing the mission; whether it was cleared is unknown"))
+            self._fail(LinkError(f"no answer to clearing the {noun}; whether it was cleared is unknown"))
 
     def cancel(self) -> None:
         """Stop asking."""

@@ -15,6 +15,7 @@ from gcs.core.mission import MissionItem
 from gcs.core.vehicle import Autopilot
 from gcs.mavlink.dialect import Message, mavlink
 from gcs.mavlink.mission_protocol import (
+    ListUnsupportedError,
     MissionResult,
     MissionTransaction,
     MissionType,
@@ -177,7 +178,9 @@ class MissionDownload(MissionTransaction[tuple[MissionItem, ...]]):
     def _on_ack(self, code: int) -> None:
         if code in {MissionResult.ACCEPTED, MissionResult.INVALID_SEQUENCE}:
             return
-        if code == MissionResult.UNSUPPORTED:
+        if code == MissionResult.UNSUPPORTED and self._mission_type is not MissionType.MISSION:
+            self._finish_with(ListUnsupportedError(f"the vehicle keeps no {self._mission_type.noun}"))
+        elif code == MissionResult.UNSUPPORTED:
             self._finish_with(RefusedError(f"the vehicle does not give its mission: {result_words(code)}"))
         elif self._step is DownloadStep.ITEMS:
             self._disorders += 1
@@ -208,9 +211,11 @@ class MissionDownload(MissionTransaction[tuple[MissionItem, ...]]):
 
     def _give_up(self) -> None:
         if self._reason and self._reason != _SILENT:
-            error: GcsError = RefusedError(f"the vehicle's mission could not be read: {self._reason}; try again")
+            error: GcsError = RefusedError(
+                f"the vehicle's {self._mission_type.noun} could not be read: {self._reason}; try again"
+            )
         else:
-            error = LinkError("the vehicle stopped answering while its mission was read")
+            error = LinkError(f"the vehicle stopped answering while its {self._mission_type.noun} was read")
         self._finish_with(error)
 
     def _send_list_request(self) -> None:

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from enum import IntEnum
 from typing import TypeVar
 
-from gcs.core.errors import OperationCancelled
+from gcs.core.errors import OperationCancelled, RefusedError
 from gcs.core.mission import PLACE_COMMANDS, MissionItem
 from gcs.mavlink.dialect import Message, mavlink
 from gcs.mavlink.round_trip import RoundTrip
@@ -27,6 +27,24 @@ class MissionType(IntEnum):
     MISSION = 0
     FENCE = 1
     RALLY = 2
+
+    @property
+    def noun(self) -> str:
+        """The list in words."""
+        return ("mission", "fence", "list of rally points")[self]
+
+    @property
+    def usual_capacity(self) -> str:
+        """What usual vehicles store of it, and what helps when that is too little."""
+        return (
+            "usual boards store 500 to 700: split the plan",
+            "usual vehicles store 64 to 70 corners: give the scenario simpler polygons",
+            "usual vehicles store 32 to 46: give the scenario fewer",
+        )[self]
+
+
+class ListUnsupportedError(RefusedError):
+    """The vehicle keeps no fence, or no rally points, at all."""
 
 
 class MissionResult(IntEnum):
@@ -64,7 +82,7 @@ RESULT_WORDS = {
     MissionResult.INVALID_PARAM6_Y: "the longitude (or param6) is invalid",
     MissionResult.INVALID_PARAM7: "the altitude (or param7) is invalid",
     MissionResult.INVALID_SEQUENCE: "an item came out of order",
-    MissionResult.DENIED: "it takes no missions now, or another station is sending one",
+    MissionResult.DENIED: "it takes nothing now, or another station is sending something",
     MissionResult.OPERATION_CANCELLED: "it cancelled the transfer",
 }
 
@@ -168,7 +186,7 @@ class MissionTransaction(Transaction[R]):
     ) -> None:
         super().__init__(send, clock)
         self._target = (target_system, target_component)
-        self._mission_type = int(mission_type)
+        self._mission_type = MissionType(mission_type)
         self._own_system = own_system
         self._on_progress = on_progress
         self._timing = timing if timing is not None else TransferTiming()

@@ -16,6 +16,7 @@ from gcs.core.errors import GcsError, LinkError, OperationCancelled, RefusedErro
 from gcs.core.mission import MissionItem
 from gcs.mavlink.dialect import Message, mavlink
 from gcs.mavlink.mission_protocol import (
+    ListUnsupportedError,
     MissionResult,
     MissionTransaction,
     MissionType,
@@ -26,7 +27,7 @@ from gcs.mavlink.mission_protocol import (
 )
 from gcs.mavlink.transaction import Clock, Send
 
-UNKNOWN = "what the vehicle holds now is unknown: download its mission before flying"
+UNKNOWN = "what the vehicle holds now is unknown: read it back before flying"
 
 _MAY_GO_ON = frozenset({MissionResult.ERROR, MissionResult.DENIED})
 """Results after which the transfer may still go on: PX4 sends ERROR for a doubled COUNT, and either stack ERROR or
@@ -154,7 +155,8 @@ class MissionUpload(MissionTransaction[UploadOutcome]):
             self._count_unanswered()
         elif self._step is UploadStep.FINAL_ACK:
             if self._dead() or self._tries > self._timing.final_tries:
-                self._end(acknowledged=False, note="the final acknowledgement did not come")
+                told = "" if self._trouble is None else f", but it answered: {result_words(self._trouble)}"
+                self._end(acknowledged=False, note=f"the final acknowledgement did not come{told}")
             else:
                 self._push_last_item()
         elif self._accepted_early and self._tries > 1:
@@ -170,6 +172,10 @@ class MissionUpload(MissionTransaction[UploadOutcome]):
             return
         self._send_ack(MissionResult.OPERATION_CANCELLED)
         self._finish_with(OperationCancelled(f"the upload was cancelled; {UNKNOWN}"))
+
+    @property
+    def _noun(self) -> str:
+        return self._mission_type.noun
 
     def _dead(self) -> bool:
         """Whether the vehicle has ended the transfer: it said so, perhaps, and fell silent, or is just silent."""
@@ -223,21 +229,24 @@ class MissionUpload(MissionTransaction[UploadOutcome]):
 
     def _refuse(self, code: int) -> None:
         count = len(self._items)
+        if code == MissionResult.UNSUPPORTED and not self._asked and self._mission_type is not MissionType.MISSION:
+            self._finish_with(ListUnsupportedError(f"the vehicle takes no {self._noun}"))
+            return
         words = result_words(code)
         if code == MissionResult.NO_SPACE:
             taken = f", it asked for {len(self._asked)} of them" if self._asked else ""
-            words = f"{words}: the mission has {count} items{taken}; usual boards store 500 to 700: split the plan"
+            words = f"{words}: the {self._noun} has {count} items{taken}; {self._mission_type.usual_capacity}"
         elif self._last_served is not None:
             words = f"{words} (item {self._last_served}, command {self._items[self._last_served].command})"
-        kept = "; it may now hold a part of this mission: read it back" if self._asked else ""
-        self._finish_with(RefusedError(f"the vehicle refused the mission: {words}{kept}"))
+        kept = f"; it may now hold a part of this {self._noun}: read it back" if self._asked else ""
+        self._finish_with(RefusedError(f"the vehicle refused the {self._noun}: {words}{kept}"))
 
     def _count_unanswered(self) -> None:
         busy = self._busy_since is not None
         if busy and self._clock() - (self._busy_since or 0.0) > self._timing.busy_s:
             trouble = self._trouble if self._trouble is not None else MissionResult.ERROR
             self._finish_with(
-                RefusedError(f"the vehicle refused the mission: {result_words(trouble)}; end other transfers first")
+                RefusedError(f"the vehicle refused the {self._noun}: {result_words(trouble)}; end other transfers first")
             )
         elif not busy and self._tries >= self._timing.tries:
             self._give_up()
@@ -260,7 +269,7 @@ class MissionUpload(MissionTransaction[UploadOutcome]):
 
     def _give_up(self) -> None:
         if self._step is UploadStep.COUNT and not self._restarts:
-            text = "the vehicle does not answer to the announcement of a mission"
+            text = f"the vehicle does not answer to the announcement of a {self._noun}"
         elif self._trouble is not None:
             text = f"the upload broke off again and again: {result_words(self._trouble)}"
         else:

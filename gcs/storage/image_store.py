@@ -75,7 +75,7 @@ class ImageStore:
         """
         if image.file_name is None:
             raise NotFoundError("this picture is not stored", field=image.id)
-        path = self._folder(image.flight_id) / _checked(image.file_name)
+        path = self._folder(image.flight_id) / checked_name(image.file_name)
         if not path.is_file():
             raise NotFoundError("the file of this picture is gone", field=str(path))
         return path
@@ -89,10 +89,15 @@ class ImageStore:
         return len(data) == image.size_bytes and zlib.crc32(data) == image.crc32
 
     def _folder(self, flight_id: str) -> Path:
-        return self._directory / _checked(flight_id)
+        return self._directory / checked_name(flight_id)
 
 
-def _checked(name: str) -> str:
+def checked_name(name: str) -> str:
+    """The name, if it is one that the station made; it is then safe as part of a path.
+
+    Raises:
+        NotFoundError: it is not.
+    """
     if not _OUR_NAME.fullmatch(name) or ".." in name:
         raise NotFoundError("this is not a name that the station made", field=name)
     return name

@@ -70,7 +70,7 @@ async def test_a_plan_beyond_the_vehicles_limits_is_not_uploaded(vehicle, box_pl
 
 @pytest.mark.system
 async def test_a_mission_that_would_leave_the_clearance_is_not_uploaded(vehicle, box_plan):
-    url = vehicle("px4", "--param", "MPC_XY_VEL_P_ACC=0.5")
+    url = vehicle("px4", "--param", "MPC_XY_VEL_P_ACC=0.2")
     with pytest.raises(RefusedError, match=r"px4-1: predicted flight: as a mission it comes .* m too near at"):
         await upload_plan(box_plan, url, lambda line: None)
     _, items = await download_mission(url)

@@ -60,7 +60,7 @@ async def test_limits_below_the_plan_and_a_battery_too_empty(gcs, vehicle, small
 
 
 async def test_a_mission_that_the_vehicle_would_fly_too_near_to_the_structure(gcs, vehicle, small_plan, tmp_path):
-    flown = vehicle("px4", "--param", "MPC_XY_VEL_P_ACC=0.5", plan=small_plan)
+    flown = vehicle("px4", "--param", "MPC_XY_VEL_P_ACC=0.2", plan=small_plan)
     told = await fly(gcs, small_plan, flown, tmp_path)
     is_refused(told, flown, "predicted flight: as a mission it comes", "m too near at")
     assert flown.truth["mission_items"] == 0, "nothing was uploaded"

@@ -76,7 +76,6 @@ _LAW_SETTINGS = {
     "vertical_position_gain_s": ("MPC_Z_P", 1.0),
     "max_tilt_rad": ("MPC_TILTMAX_AIR", math.radians(1.0)),
     "landing_speed_m_s": ("MPC_LAND_SPEED", 1.0),
-    "take_off_speed_m_s": ("MPC_TKO_SPEED", 1.0),
 }
 """Fields of its flight law, the parameters that set them, and their units."""
 _LEVEL_GAINS = ("MPC_XY_VEL_P_ACC", "MPC_XY_VEL_I_ACC", "MPC_XY_VEL_D_ACC")

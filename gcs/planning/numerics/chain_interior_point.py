@@ -185,6 +185,26 @@ def _substitute(link: Floats, factors: Floats, gains: Floats, step: Floats) -> N
 
 
 @compiled_ieee
+def inverse_energy(diagonal: Floats, link: Floats, rows: Floats, residual: Floats) -> float:
+    """`r' H^-1 r` of one chain, infinite where H is not positive definite in this precision.
+
+    Args:
+        diagonal: blocks of H, shape (J, 4, 4).
+        link: shape (J, 4, 4), see `solve_chains`.
+        rows: shape (J, 7, 4).
+        residual: r, shape (J, 4).
+    """
+    joints = len(residual)
+    none = np.zeros((joints, 7))
+    factors, gains = np.empty((joints, 10)), np.empty((joints, 4, 4))
+    if not _eliminate(diagonal, link, rows, none, none, none, none, factors, gains):
+        return np.inf
+    step = residual.copy()
+    _substitute(link, factors, gains, step)
+    return float(abs((step * residual).sum()))
+
+
+@compiled_ieee
 def _solve_chain(
     diagonal: Floats,
     link: Floats,
@@ -202,7 +222,7 @@ def _solve_chain(
     push_high: Floats,
     work: Floats,
 ) -> tuple[int, float]:
-    """One axis of one chain: iterations taken or -1 or -2, and the cost; see `solve_chains`."""
+    """One axis of one chain: iterations taken or what went wrong, and the cost; see `solve_chains`."""
     joints = len(x)
     slope, step, factors = work[:joints, :4], work[:joints, 4:8], work[:joints, 8:18]
     near_low, near_high, moved = work[:joints, 18:25], work[:joints, 25:32], work[:joints, 32:39]
@@ -244,7 +264,7 @@ def _solve_chain(
         if gap <= allowed and (residual <= RESIDUAL_SHARE * allowed or gap <= SETTLED * allowed):
             return turn, cost
         if not _eliminate(diagonal, link, rows, push_low, push_high, near_low, near_high, factors, gains):
-            return -1, cost
+            return -3 if turn == 0 else -1, cost
 
         _substitute(link, factors, gains, step)
         worst = 1.0
@@ -335,7 +355,8 @@ def solve_chains(
 
     Returns:
         The minimiser (A, J, 4), the multipliers (A, J, 7), positive where the upper bound pushes, and the iterations
-        that were taken (A, C), -1 where it did not settle, -2 where the start is not inside.
+        that were taken (A, C), -1 where it did not settle, -2 where the start is not inside, -3 where H is not positive
+        definite.
     """
     axes, joints = gradient.shape[0], gradient.shape[1]
     x = start.copy()

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from gcs.planning.numerics.chain_interior_point import Floats, Ints, solve_chains
+from gcs.planning.numerics.chain_interior_point import Floats, Ints, inverse_energy, solve_chains
 from gcs.planning.numerics.compiled import compiled_ieee
 
 if TYPE_CHECKING:
@@ -68,8 +68,8 @@ class ChainSolution:
 
     Attributes:
         x: the minimiser, shape (A, J, 4).
-        good: whether a chain's answer is to be believed: settled, inside, and with a small gap on all axes; shape (C,).
-        iterations: of each axis and chain, shape (A, C); negative where it did not settle.
+        good: whether a chain's answer is to be believed: well posed, inside, and with a small gap, shape (C,).
+        iterations: of each axis and chain, shape (A, C); negative where it did not settle, see `solve_chains`.
         violation: largest violation of a row in each chain, shape (C,).
         gap: bound on each chain's cost above the optimum, relative to its cost plus the floor, shape (C,).
     """
@@ -87,7 +87,8 @@ def evidence(
     """Violation and relative gap of each chain's answer over all axes, computed from the problem alone.
 
     With any multipliers y and the residual `r = H x + c + rows' y`, the cost is above the optimum by at most
-    `sum |y| slack + sum |r| spread`: by duality, and by convexity over what is feasible.
+    `sum |y| slack` plus the smaller of `1/2 r' H^-1 r` (Lagrangian duality, minimum over all x) and `sum |r| spread`
+    (convexity, minimum over what is feasible).
 
     Args:
         problem: what was asked.
@@ -129,8 +130,11 @@ def _judged(
     """Largest violation, bound on what is above the optimum, and cost less that at x = 0, of each chain."""
     chains = len(first) - 1
     violation, above, change = np.zeros(chains), np.zeros(chains), np.zeros(chains)
+    residual = np.empty((x.shape[1], 4))
     for i in range(chains):
+        here = slice(first[i], first[i + 1])
         for a in range(x.shape[0]):
+            spare = 0.0
             for j in range(first[i], first[i + 1]):
                 for k in range(7):
                     value = 0.0
@@ -149,11 +153,12 @@ def _judged(
                             product += link[j - 1, d, c] * x[a, j - 1, d]
                         if j < first[i + 1] - 1:
                             product += link[j, c, d] * x[a, j + 1, d]
-                    residual = product + gradient[a, j, c]
+                    residual[j, c] = product + gradient[a, j, c]
                     for k in range(7):
-                        residual += rows[j, k, c] * y[a, j, k]
-                    above[i] += abs(residual) * spread[a, j, c]
+                        residual[j, c] += rows[j, k, c] * y[a, j, k]
+                    spare += abs(residual[j, c]) * spread[a, j, c]
                     change[i] += x[a, j, c] * (product / 2 + gradient[a, j, c])
+            above[i] += min(spare, inverse_energy(diagonal[here], link[here], rows[here], residual[here]) / 2)
     return violation, above, change
 
 
@@ -188,5 +193,6 @@ class ChainSolver:
             _MOST_ITERATIONS,
         )
         violation, gap = evidence(problem, x, y)
-        good = (turns >= 0).all(axis=0) & (violation <= VIOLATION) & (gap <= GAP)
+        # An answer that stopped short of the tolerance is as good as its evidence.
+        good = (turns >= -1).all(axis=0) & (violation <= VIOLATION) & (gap <= GAP)
         return ChainSolution(x=x, good=good, iterations=turns, violation=violation, gap=gap)
