@@ -50,8 +50,8 @@ class VehicleSpec(Strict):
     0.1 m to and fro in six seconds, as position control keeps in a light wind, is 0.1 m/s at its fastest.
     `rotors` and `drag_area_m2` are as usual for the mass where they are not given; `avionics_w` is what electronics and
     payload take. `max_tilt_deg`, the thrust's angle from the vertical, and `max_thrust_ratio`, thrust over weight, are
-    what a plan may ask for in still air, drag left out. `count` vehicles share the work; the first stands at home_m, the
-    others on `pads_m`, or in a row beside it.
+    what a plan may ask for in still air, drag left out. `count` vehicles share the work; the first stands at home_m,
+    the others on `pads_m`, or in a row beside it.
     """
 
     radius_m: Positive = 0.5

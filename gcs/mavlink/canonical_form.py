@@ -16,6 +16,8 @@ in that form. The rules were measured on ArduCopter 4.7 and PX4 1.16/1.17:
 | z | whole centimetres | float32 | float32 |
 | autocontinue | 1 | kept | kept |
 | every float | float32 | float32 | float32 |
+
+Fences and rally points: see `canonical_fence_rally`.
 """
 
 from __future__ import annotations
@@ -27,6 +29,8 @@ from dataclasses import dataclass, replace
 
 from gcs.core.mission import PLACE_COMMANDS, MissionItem, mission_crc32
 from gcs.core.vehicle import Autopilot
+from gcs.mavlink.canonical_fence_rally import canonical_fence_item, canonical_rally_item
+from gcs.mavlink.mission_protocol import MissionType
 
 _PLAIN_FRAME = {5: 0, 6: 3, 11: 10}
 _INT_FRAME = {0: 5, 3: 6, 10: 11}
@@ -102,8 +106,7 @@ def float32(value: float) -> float:
 
 def canonical_item(item: MissionItem, autopilot: Autopilot) -> MissionItem:
     """The item as a family of autopilots holds it; `current` is left out, because it moves."""
-    p1, p2, p3, p4 = (float32(p) for p in item.params)
-    item = replace(item, params=(p1, p2, p3, p4), z=float32(item.z), current=0)
+    item = _in_float32(item)
     if autopilot is Autopilot.ARDUPILOT:
         return _ardupilot(item)
     if autopilot is Autopilot.PX4:
@@ -111,15 +114,30 @@ def canonical_item(item: MissionItem, autopilot: Autopilot) -> MissionItem:
     return replace(item, frame=_PLAIN_FRAME.get(item.frame, item.frame))
 
 
-def canonical_items(items: Sequence[MissionItem], autopilot: Autopilot) -> tuple[MissionItem, ...]:
-    """All items as the vehicle holds them; on ArduPilot without item 0, which is its home."""
+def _in_float32(item: MissionItem) -> MissionItem:
+    p1, p2, p3, p4 = (float32(p) for p in item.params)
+    return replace(item, params=(p1, p2, p3, p4), z=float32(item.z), current=0)
+
+
+def canonical_items(
+    items: Sequence[MissionItem], autopilot: Autopilot, mission_type: MissionType = MissionType.MISSION
+) -> tuple[MissionItem, ...]:
+    """All items of a list as the vehicle holds them; on ArduPilot a mission without item 0, which is its home."""
+    if mission_type is not MissionType.MISSION:
+        form = canonical_fence_item if mission_type is MissionType.FENCE else canonical_rally_item
+        return tuple(form(_in_float32(i), autopilot) for i in items)
     kept = items[1:] if autopilot is Autopilot.ARDUPILOT else items
     return tuple(canonical_item(i, autopilot) for i in kept)
 
 
-def compare(sent: Sequence[MissionItem], read: Sequence[MissionItem], autopilot: Autopilot) -> MissionComparison:
+def compare(
+    sent: Sequence[MissionItem],
+    read: Sequence[MissionItem],
+    autopilot: Autopilot,
+    mission_type: MissionType = MissionType.MISSION,
+) -> MissionComparison:
     """Compare what was sent with what was read back, as the vehicle sees it."""
-    expected, found = canonical_items(sent, autopilot), canonical_items(read, autopilot)
+    expected, found = (canonical_items(items, autopilot, mission_type) for items in (sent, read))
     differences = []
     if len(sent) != len(read):
         differences.append(f"it holds {len(read)} items instead of {len(sent)}")

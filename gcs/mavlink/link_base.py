@@ -39,10 +39,12 @@ class Peer:
         self._packer = packer
         self._lock = threading.Lock()
 
-    def send(self, message: Message) -> None:
-        """Number, pack and send; like any message it may get lost."""
+    def send(self, message: Message) -> bytes:
+        """Number, pack and send; like any message it may get lost. Returns the packet."""
         with self._lock:
-            self._write(self._packer.pack(message))
+            packet = self._packer.pack(message)
+            self._write(packet)
+        return packet
 
 
 OnMessage: TypeAlias = Callable[["Link", Peer, Message], None]

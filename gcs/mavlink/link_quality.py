@@ -1,12 +1,15 @@
-"""Link quality: messages per second and the share that was lost, from the gaps in sequence numbers."""
+"""Link quality: messages per second, the share lost (from the gaps in sequence numbers), the round trip (TIMESYNC)."""
 
 from __future__ import annotations
 
 from collections import deque
 from dataclasses import dataclass
+from statistics import median
 
 WINDOW_S = 10.0
 RESTART_GAP = 128
+QUESTIONS_OPEN = 16
+ROUND_TRIPS_KEPT = 32
 
 
 @dataclass(frozen=True)
@@ -16,10 +19,12 @@ class LinkQuality:
     Attributes:
         messages_per_s: heard.
         loss: share of the sent messages that did not arrive, 0 to 1; None when nothing was heard.
+        round_trip_s: median time from a question to its answer; None when none was answered.
     """
 
     messages_per_s: float
     loss: float | None
+    round_trip_s: float | None = None
 
 
 class SequenceMeter:
@@ -60,3 +65,32 @@ class SequenceMeter:
     def _forget(self, now_s: float) -> None:
         while self._heard and self._heard[0][0] < now_s - WINDOW_S:
             self._lost -= self._heard.popleft()[1]
+
+
+class RoundTripMeter:
+    """Times TIMESYNC questions. Only an answer to a question that was asked here counts, and once: on a shared link the
+    answers to other stations are heard too, and what they carry is their clock."""
+
+    def __init__(self) -> None:
+        self._asked: deque[int] = deque(maxlen=QUESTIONS_OPEN)
+        self._taken: deque[tuple[float, float]] = deque(maxlen=ROUND_TRIPS_KEPT)
+
+    def ask(self, now_s: float) -> int:
+        """A question is sent now: the time stamp (ns of the station's clock) that it carries."""
+        stamp = int(now_s * 1e9)
+        self._asked.append(stamp)
+        return stamp
+
+    def answered(self, stamp: int, now_s: float) -> float | None:
+        """An answer with this time stamp was heard: its round trip (s); None when it answers no open question."""
+        if stamp not in self._asked:
+            return None
+        self._asked.remove(stamp)
+        round_trip_s = max(now_s - stamp * 1e-9, 0.0)
+        self._taken.append((now_s, round_trip_s))
+        return round_trip_s
+
+    def median_s(self, now_s: float) -> float | None:
+        """The median of the round trips that ended in the last `WINDOW_S` seconds; None when there was none."""
+        fresh = [seconds for at, seconds in self._taken if at >= now_s - WINDOW_S]
+        return median(fresh) if fresh else None

@@ -16,7 +16,7 @@ from gcs.core.progress import Progress, SilentProgress
 from gcs.core.vehicle import Autopilot
 from gcs.mavlink.canonical_form import MissionComparison, compare
 from gcs.mavlink.mission_download import MissionDownload
-from gcs.mavlink.mission_protocol import OnItems, TransferTiming
+from gcs.mavlink.mission_protocol import MissionType, OnItems, TransferTiming
 from gcs.mavlink.mission_upload import UNKNOWN, MissionUpload
 from gcs.mavlink.transaction import Clock, Send, Transaction
 
@@ -93,8 +93,27 @@ async def upload_and_prove(
         LinkError: the link is gone; what the vehicle holds is unknown.
         OperationCancelled: cancelled; what the vehicle holds is unknown.
     """
-    items = mission.items
-    _check_home_placeholder(items, peer.autopilot)
+    _check_home_placeholder(mission.items, peer.autopilot)
+    return await upload_list_and_prove(mission.items, MissionType.MISSION, peer, progress)
+
+
+async def upload_list_and_prove(
+    items: Sequence[MissionItem], mission_type: MissionType, peer: MissionPeer, progress: Progress | None = None
+) -> UploadProof:
+    """Replace one of a vehicle's lists (mission, fence, rally points) and prove that it is there.
+
+    Args:
+        items: what the list is to hold, numbered 0 to n - 1; not empty: a list is emptied by `MissionClear`.
+        mission_type: which list.
+        peer: the vehicle.
+        progress: stages `upload` and `read back`; raising `OperationCancelled` from it stops the transfer.
+
+    Raises:
+        ListUnsupportedError: the vehicle has no such list.
+        RefusedError: the vehicle refused it, or holds something else after every attempt.
+        LinkError: the link is gone; what the vehicle holds is unknown.
+        OperationCancelled: cancelled; what the vehicle holds is unknown.
+    """
     progress = progress if progress is not None else SilentProgress()
     comparison: MissionComparison | None = None
     for attempt in range(1, _ATTEMPTS + 1):
@@ -105,33 +124,40 @@ async def upload_and_prove(
                 peer.target_component,
                 peer.send,
                 peer.clock,
+                mission_type,
                 own_system=peer.own_system,
                 on_progress=_stage(progress, "upload"),
                 timing=peer.timing,
             )
         )
         try:
-            read = await download(peer, progress)
+            read = await download(peer, progress, mission_type)
         except LinkError as error:
-            raise LinkError(f"the mission was sent, but could not be read back ({error}); {UNKNOWN}") from error
-        comparison = compare(items, read, peer.autopilot)
+            raise LinkError(
+                f"the {mission_type.noun} was sent, but could not be read back ({error}); {UNKNOWN}"
+            ) from error
+        comparison = compare(items, read, peer.autopilot, mission_type)
         if comparison.equal:
             how = f"read back {len(read)} of {len(items)} items, all equal in the vehicle's own form"
             how += "" if outcome.acknowledged else f"; {outcome.note}"
             how += "" if attempt == 1 else f"; {attempt} attempts"
             return UploadProof(len(items), len(read), how, comparison.canonical_crc32, tuple(read))
-    differs = comparison.summary if comparison is not None else ""
+        note = f" ({outcome.note})" if outcome.note else ""
+    differs = comparison.summary + note if comparison is not None else ""
     raise RefusedError(f"the vehicle holds something else than was sent, after {_ATTEMPTS} attempts: {differs}")
 
 
-async def download(peer: MissionPeer, progress: Progress | None = None) -> tuple[MissionItem, ...]:
-    """Read what a vehicle holds; stage `read back` of the progress."""
+async def download(
+    peer: MissionPeer, progress: Progress | None = None, mission_type: MissionType = MissionType.MISSION
+) -> tuple[MissionItem, ...]:
+    """Read what a vehicle holds in one of its lists; stage `read back` of the progress."""
     return await peer.run(
         MissionDownload(
             peer.target_system,
             peer.target_component,
             peer.send,
             peer.clock,
+            mission_type,
             autopilot=peer.autopilot,
             own_system=peer.own_system,
             on_progress=_stage(progress, "read back") if progress is not None else None,

@@ -246,7 +246,9 @@ class MissionUpload(MissionTransaction[UploadOutcome]):
         if busy and self._clock() - (self._busy_since or 0.0) > self._timing.busy_s:
             trouble = self._trouble if self._trouble is not None else MissionResult.ERROR
             self._finish_with(
-                RefusedError(f"the vehicle refused the {self._noun}: {result_words(trouble)}; end other transfers first")
+                RefusedError(
+                    f"the vehicle refused the {self._noun}: {result_words(trouble)}; end other transfers first"
+                )
             )
         elif not busy and self._tries >= self._timing.tries:
             self._give_up()

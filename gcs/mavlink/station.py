@@ -251,7 +251,7 @@ class MavlinkStation:
             wanted = (system_id, getattr(message, "target_component", 0))
             route = self._routes.get(wanted) or self._routes.get(target)
             if route is not None:
-                route.peer.send(message)
+                vehicle.passed(route.peer.send(message))
 
         channel = VehicleChannel(target, self._own, send, self._clock)
         vehicle = Vehicle(identity, channel, lost_after_s=self._lost_after_s)
@@ -289,7 +289,11 @@ class MavlinkStation:
         for peer in link.peers:
             if self._only_peer not in (None, peer) or (self._only_system is not None and id(peer) not in heard):
                 continue
-            peer.send(station_heartbeat())
+            packet = peer.send(station_heartbeat())
+            for vehicle in self._vehicles.values():
+                route = self._routes.get((vehicle.identity.system_id, vehicle.identity.component_id))
+                if route is not None and route.peer is peer:
+                    vehicle.passed(packet)
 
 
 def _newer_telemetry(event: StationEvent, waiting: StationEvent) -> bool:

@@ -7,6 +7,7 @@ import logging
 from collections import deque
 from collections.abc import AsyncIterator, Awaitable, Callable, Coroutine
 from contextlib import AbstractAsyncContextManager
+from dataclasses import replace
 from typing import Any, TypeVar
 
 from gcs.core.errors import GcsError, LinkError
@@ -28,7 +29,7 @@ from gcs.mavlink.camera_control import CameraWatch
 from gcs.mavlink.command_protocol import command_long
 from gcs.mavlink.dialect import Message, mavlink
 from gcs.mavlink.events import EventStream, VehicleEvent
-from gcs.mavlink.link_quality import LinkQuality, SequenceMeter
+from gcs.mavlink.link_quality import LinkQuality, RoundTripMeter, SequenceMeter
 from gcs.mavlink.message_rates import RATES_HZ, request_call, request_rates
 from gcs.mavlink.mode_guard import ModeChange, ModeGuard, Shown
 from gcs.mavlink.motion_samples import MotionSampler
@@ -73,6 +74,8 @@ class VehicleState:
         self.capabilities: int | None = None
         self.on_event: Callable[[VehicleEvent], None] | None = None
         self.on_motion: Callable[[MotionSample], None] | None = None
+        self.on_packet: Callable[[bytes], None] | None = None
+        """Told of every packet of the vehicle that is heard or sent, from any thread; must not wait."""
         self._channel = channel
         self._now = channel.clock
         self._lost_after_s = lost_after_s
@@ -81,6 +84,7 @@ class VehicleState:
         self._motion = MotionSampler()
         self._guard = ModeGuard(self._stack)
         self._meter = SequenceMeter()
+        self._round_trips = RoundTripMeter()
         self._texts = StatusTextAssembler()
         self._recent_texts: deque[tuple[float, StatusText]] = deque(maxlen=TEXTS_KEPT)
         self._camera = CameraWatch(identity.system_id, channel.send, asks=self._stack.camera_announces)
@@ -108,8 +112,9 @@ class VehicleState:
 
     @property
     def link_quality(self) -> LinkQuality:
-        """Messages per second and the share lost."""
-        return self._meter.quality(self._now())
+        """Messages per second, the share lost, and the round trip."""
+        now = self._now()
+        return replace(self._meter.quality(now), round_trip_s=self._round_trips.median_s(now))
 
     @property
     def camera_component(self) -> int | None:
@@ -183,9 +188,16 @@ class VehicleState:
             task.cancel()
         await asyncio.gather(*self._tasks, return_exceptions=True)
 
+    def passed(self, packet: bytes) -> None:
+        """A packet to it or from it passed a link; safe from any thread."""
+        on_packet = self.on_packet
+        if on_packet is not None:
+            on_packet(packet)
+
     def handle(self, message: Message) -> None:
         """Take a message of any of its components; called by the station."""
         now = self._now()
+        self.passed(message.get_msgbuf())
         kind = message.get_type()
         component = message.get_srcComponent()
         self._meter.count(component, message.get_seq(), now)
@@ -219,7 +231,9 @@ class VehicleState:
                 self._reboots = self.clock.reboots
                 self.ask_for_messages()
         elif kind == "TIMESYNC" and message.tc1 != 0:
-            self.clock.round_trip(now - message.ts1 * 1e-9)
+            round_trip_s = self._round_trips.answered(int(message.ts1), now)
+            if round_trip_s is not None:
+                self.clock.round_trip(round_trip_s)
         elif kind == "MISSION_ITEM_REACHED":
             self._publish(events.ItemReachedEvent(int(message.seq)))
         elif kind == "MISSION_CURRENT" and self.telemetry.mission is not None:
@@ -277,7 +291,7 @@ class VehicleState:
         self._camera.on_time(now)
         if now - self._timesync_at >= TIMESYNC_EVERY_S:
             self._timesync_at = now
-            self._channel.send(mavlink.MAVLink_timesync_message(0, int(now * 1e9)))
+            self._channel.send(mavlink.MAVLink_timesync_message(0, self._round_trips.ask(now)))
         if self._ask_again_at is not None and now >= self._ask_again_at:
             self.ask_for_messages()
 

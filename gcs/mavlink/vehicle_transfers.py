@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 from gcs.core.errors import LinkError, RefusedError
 from gcs.core.frames import GeoPoint
@@ -18,13 +18,25 @@ from gcs.mavlink.ftp_fetch import FetchedFile, FetchFile, PartialFile
 from gcs.mavlink.ftp_protocol import SequenceNumbers, path_from_url
 from gcs.mavlink.message_rates import request_call
 from gcs.mavlink.mission_clear import MissionClear
-from gcs.mavlink.mission_proof import MissionPeer, UploadProof, compare_with_vehicle, download, upload_and_prove
+from gcs.mavlink.mission_proof import (
+    MissionPeer,
+    UploadProof,
+    compare_with_vehicle,
+    download,
+    upload_and_prove,
+    upload_list_and_prove,
+)
+from gcs.mavlink.mission_protocol import ListUnsupportedError, MissionType
 from gcs.mavlink.parameter_protocol import ParameterRead, ParameterReading, ParameterSet
 from gcs.mavlink.replan_tunnel import PlanAnnouncement, ReportStatus, report_ack
 from gcs.mavlink.vehicle_channel import VehicleChannel
 from gcs.mavlink.vehicle_state import VehicleState
 
 ASK_EVERY_S = 0.7
+LIST_CAPABILITY = {
+    MissionType.FENCE: mavlink.MAV_PROTOCOL_CAPABILITY_MISSION_FENCE,
+    MissionType.RALLY: mavlink.MAV_PROTOCOL_CAPABILITY_MISSION_RALLY,
+}
 
 
 class VehicleTransfers(VehicleState):
@@ -54,10 +66,48 @@ class VehicleTransfers(VehicleState):
 
     async def clear_mission(self) -> None:
         """Remove the mission that it holds."""
+        await self.clear_list(MissionType.MISSION)
+
+    async def upload_list(
+        self, items: Sequence[MissionItem], mission_type: MissionType, progress: Progress | None = None
+    ) -> UploadProof:
+        """Replace its fence or its rally points and prove it by reading them back.
+
+        Raises:
+            ListUnsupportedError: it keeps no such list.
+            RefusedError: it does not take the items.
+            LinkError: it does not answer; what it holds is unknown.
+        """
+        self._demand_list(mission_type)
         async with self._mission_lock:
-            system, component = self._channel.target
-            clear = MissionClear(system, component, self._channel.send, self._now, own_system=self._channel.sender[0])
+            return await self._named(upload_list_and_prove(items, mission_type, self._mission_peer(), progress))
+
+    async def download_list(
+        self, mission_type: MissionType, progress: Progress | None = None
+    ) -> tuple[MissionItem, ...]:
+        """Read its fence or its rally points; errors as those of `upload_list`."""
+        self._demand_list(mission_type)
+        async with self._mission_lock:
+            return await self._named(download(self._mission_peer(), progress, mission_type))
+
+    async def clear_list(self, mission_type: MissionType) -> None:
+        """Empty one of its lists; errors as those of `upload_list`."""
+        self._demand_list(mission_type)
+        async with self._mission_lock:
+            clear = MissionClear(
+                *self._channel.target,
+                self._channel.send,
+                self._now,
+                mission_type,
+                own_system=self._channel.sender[0],
+            )
             await self._named(self._channel.run(clear))
+
+    def _demand_list(self, mission_type: MissionType) -> None:
+        """Do not even ask a vehicle that says by its capabilities that it has no such list."""
+        flag = LIST_CAPABILITY.get(mission_type, 0)
+        if self.capabilities is not None and flag and not self.capabilities & flag:
+            raise ListUnsupportedError(f"the vehicle keeps no {mission_type.noun}", field=self.identity.name)
 
     async def read_parameters(self, names: Iterable[str]) -> dict[str, float | None]:
         """Read parameters by name; None where it did not tell one."""

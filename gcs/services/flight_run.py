@@ -74,6 +74,8 @@ class FlightRun:
         self.offboard: OffboardFlight | None = None
         self.cut_short: str | None = None
         """Why the plan was not flown to its end, when somebody decided so."""
+        self.down = asyncio.Event()
+        """Set when it was in the air and is disarmed again."""
         self.over = asyncio.Event()
         self._names = {v.id: v.name for v in plan.viewpoints}
         self._was_airborne = False
@@ -102,6 +104,7 @@ class FlightRun:
 
     def end_soon(self) -> None:
         """The vehicle is down: settle the account, once."""
+        self.down.set()
         if self._ending is None:
             self._ending = asyncio.create_task(self._end(), name=f"end of {self.recorder.flight_id}")
 

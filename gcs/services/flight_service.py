@@ -15,6 +15,7 @@ from gcs.core.errors import ConflictError, GcsError, LinkError, RefusedError
 from gcs.mavlink.canonical_form import compare
 from gcs.mavlink.events import VehicleFoundEvent
 from gcs.services.flight_checks import FlightChecks
+from gcs.services.flight_log import FlightLogs
 from gcs.services.flight_recorder import ERROR, NOTICE, FlightRecorder
 from gcs.services.flight_run import IN_THE_AIR, FlightRun
 from gcs.services.flight_types import OnVehicleMission, PreflightReport, allowed_actions
@@ -34,6 +35,7 @@ if TYPE_CHECKING:
     from gcs.services.vehicle_service import VehicleService
     from gcs.storage.database import Database
     from gcs.storage.image_store import ImageStore
+    from gcs.storage.telemetry_log import TelemetryLogStore
 
 log = logging.getLogger(__name__)
 
@@ -47,16 +49,24 @@ class FlightControlService:
     Args:
         database: where flights are written down.
         store: where pictures are kept.
+        telemetry_logs: where every packet of a flight is kept.
         feed: the dashboards.
         plans: the station's plans.
         vehicles: the station's vehicles.
     """
 
     def __init__(
-        self, database: Database, store: ImageStore, feed: LiveFeed, plans: PlanService, vehicles: VehicleService
+        self,
+        database: Database,
+        store: ImageStore,
+        telemetry_logs: TelemetryLogStore,
+        feed: LiveFeed,
+        plans: PlanService,
+        vehicles: VehicleService,
     ) -> None:
         self._database = database
         self._store = store
+        self._logs = FlightLogs(telemetry_logs)
         self._feed = feed
         self._plans = plans
         self._vehicles = vehicles
@@ -85,6 +95,7 @@ class FlightControlService:
             task.cancel()
         await asyncio.gather(*self._tasks, return_exceptions=True)
         await asyncio.gather(*(run.close() for run in self._runs.values()), return_exceptions=True)
+        await self._logs.close()
 
     async def _watch_for_vehicles(self) -> None:
         async with self._vehicles.station.events() as heard:
@@ -397,6 +408,7 @@ class FlightControlService:
         run = FlightRun(self._plans.read(flight.plan_id), flight.plan_hash, vehicle, self._recorder(flight.id))
         self._runs[flight.id] = run
         self._vehicles.set_flight(flight.system_id, flight.id)
+        self._logs.begin(run)
         run.start(airborne=airborne)
         return run
 
@@ -406,6 +418,7 @@ class FlightControlService:
         if run is not None:
             self._vehicles.set_flight(run.vehicle.identity.system_id, None)
             await run.close()
+            await self._logs.end(flight_id)
 
     def _run(self, flight_id: str) -> FlightRun:
         run = self._runs.get(flight_id)

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from gcs.services.vehicle_service import VehicleService
     from gcs.storage.database import Database
     from gcs.storage.image_store import ImageStore
+    from gcs.storage.telemetry_log import TelemetryLogStore
 
 
 class StationServices:
@@ -39,6 +40,7 @@ class StationServices:
     plans: PlanService
     vehicles: VehicleService
     images: ImageStore
+    telemetry_logs: TelemetryLogStore
     flights: FlightService
     started_at: str
 
@@ -77,6 +79,7 @@ class StationServices:
         from gcs.storage.data_directory import owned_data_directory
         from gcs.storage.database import Database
         from gcs.storage.image_store import ImageStore
+        from gcs.storage.telemetry_log import TelemetryLogStore
 
         self.started_at = utc_now()
         async with AsyncExitStack() as stack:
@@ -87,6 +90,7 @@ class StationServices:
             self.database.flights.mark_uploads_interrupted()
             self.feed.open(render)
             self.images = ImageStore(self.data_dir)
+            self.telemetry_logs = TelemetryLogStore(self.data_dir)
             self.structures = StructureService(self.database, self.data_dir)
             self.structures.open()
             self.plans = PlanService(self.database, self.feed, self.data_dir, (self._make_jobs or _planning_jobs)())
@@ -111,7 +115,14 @@ def _mavlink_station() -> MavlinkStation:
 def _flight_service(services: StationServices) -> FlightService:
     from gcs.services.flight_service import FlightControlService
 
-    return FlightControlService(services.database, services.images, services.feed, services.plans, services.vehicles)
+    return FlightControlService(
+        services.database,
+        services.images,
+        services.telemetry_logs,
+        services.feed,
+        services.plans,
+        services.vehicles,
+    )
 
 
 def _planning_jobs() -> PlanningJobs:

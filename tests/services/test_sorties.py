@@ -261,6 +261,6 @@ async def test_the_whole_is_not_flown_at_once(out, station):
     from gcs.services.flight_service import FlightControlService
 
     vehicles = SimpleNamespace(vehicle=lambda name: SimpleNamespace(identity=SimpleNamespace(name=name, system_id=1)))
-    flights = FlightControlService(station.database, None, LiveFeed(), station.plans, vehicles)
+    flights = FlightControlService(station.database, None, None, LiveFeed(), station.plans, vehicles)
     with pytest.raises(ConflictError, match="sorties"):
         await flights.create(station.plans.adopt(out).plan.id, "px4-1", FlightPath.MISSION)
