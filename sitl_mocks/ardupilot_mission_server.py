@@ -6,31 +6,37 @@ from collections.abc import Callable
 from dataclasses import replace
 
 from sitl_mocks.dialect import Message, mavlink
-from sitl_mocks.mission_items import ItemRefused, StoredItem, ardupilot_item, item_of_message, message_of_item
+from sitl_mocks.fence_rally import ARDUPILOT_LISTS, ARDUPILOT_MISSION, ListKind
+from sitl_mocks.mission_items import ItemRefused, StoredItem, item_of_message, message_of_item
 from sitl_mocks.mission_server import (
     ACCEPTED,
+    ALL_LISTS,
     CANCELLED,
     DENIED,
     ERROR,
     INVALID_SEQUENCE,
     NO_SPACE,
+    UNSUPPORTED,
     MissionServer,
     Peer,
     Upload,
 )
 
 Send = Callable[[Message], None]
+RECEIVED = ("Flight plan received", "Fence Indexed OK", "Rally points received")
 
 
 class ArduPilotMissionServer(MissionServer):
-    """Asks with MISSION_REQUEST, keeps home as item 0, and writes items into the store as they come.
+    """Asks with MISSION_REQUEST, keeps home as item 0 of a mission, and writes items into the store as they come.
+
+    A fence is the exception: it replaces the old one when all of it has come and its polygons are whole.
 
     Args:
         home: item 0, as the estimator knows it now.
         ready: whether the storage has been opened; until then nothing fits into it.
+        kind: which list; the mission's server has those of the other lists in `others`.
     """
 
-    CAPACITY = 650
     ASK_AGAIN_S = 1.0
     GIVE_UP_S = 8.0
 
@@ -40,13 +46,20 @@ class ArduPilotMissionServer(MissionServer):
         changed: Callable[[], None],
         home: Callable[[], StoredItem],
         ready: Callable[[], bool],
+        kind: ListKind = ARDUPILOT_MISSION,
     ) -> None:
-        super().__init__(say, changed)
+        super().__init__(say, changed, kind)
+        if kind is ARDUPILOT_MISSION:
+            lists = (ArduPilotMissionServer(say, lambda: None, home, ready, other) for other in ARDUPILOT_LISTS)
+            self.others = {server._kind.mission_type: server for server in lists}
+        self._arriving: list[StoredItem] = []
         self._home = home
         self._ready = ready
 
     def step(self, wall_s: float) -> None:
         """Ask again, or give up, when the peer is silent."""
+        for server in self.others.values():
+            server.step(wall_s)
         upload = self.upload
         if upload is None:
             return
@@ -57,25 +70,32 @@ class ArduPilotMissionServer(MissionServer):
             self._ask(upload, wall_s)
 
     def stored(self) -> list[StoredItem]:
-        """The mission with home as item 0."""
+        """The list as it is given out: a mission has home as item 0."""
+        if self._kind is not ARDUPILOT_MISSION:
+            return self.items
         return [self._home(), *self.items[1:]] if self.items else []
+
+    def _clear_all_lists(self, peer: Peer, send: Send) -> None:
+        send(mavlink.MAVLink_mission_ack_message(*peer, UNSUPPORTED, ALL_LISTS))
 
     def _ask(self, upload: Upload, wall_s: float) -> None:
         upload.asked_s = wall_s
-        upload.send(mavlink.MAVLink_mission_request_message(*upload.peer, upload.next, 0))
+        upload.send(mavlink.MAVLink_mission_request_message(*upload.peer, upload.next, self._kind.mission_type))
 
     def _mission_count(self, message: Message, peer: Peer, send: Send, wall_s: float) -> None:
         if self.upload is not None and self.upload.peer != peer:
             self._acknowledge(DENIED, peer, send)
             return
-        capacity = self.CAPACITY if self._ready() else 0
+        capacity = self._kind.capacity if self._ready() else 0
         if message.count > capacity:
             self._acknowledge(NO_SPACE, peer, send)
             self._say(mavlink.MAV_SEVERITY_WARNING, f"Only {capacity} items are supported")
             return
-        # From here on the old mission is no longer whole: the store is shortened now and overwritten item by item.
-        self.items = self.items[: message.count]
-        self._changed()
+        self._arriving = []
+        if self._kind.fit is None or message.count == 0:
+            # From here on the old list is no longer whole: the store is shortened now and overwritten item by item.
+            self.items = self.items[: message.count]
+            self._changed()
         if message.count == 0:
             self._acknowledge(ACCEPTED, peer, send)
             return
@@ -92,23 +112,30 @@ class ArduPilotMissionServer(MissionServer):
             return
         upload.heard_s = wall_s
         try:
-            item = ardupilot_item(item_of_message(message))
+            item = self._kind.keep(item_of_message(message))
         except ItemRefused as refusal:
             self._acknowledge(refusal.result, peer, send)
             self.upload = None
             return
-        if message.seq < len(self.items):
-            self.items[message.seq] = item
+        store = self.items if self._kind.fit is None else self._arriving
+        if message.seq < len(store):
+            store[message.seq] = item
         else:
-            self.items.append(item)
+            store.append(item)
         self._changed()
         upload.next += 1
         if upload.next < upload.count:
             self._ask(upload, wall_s)
             return
         self.upload = None
+        if self._kind.fit is not None:
+            if not self._kind.fit(self._arriving):
+                self._acknowledge(ERROR, peer, send)
+                self._say(mavlink.MAV_SEVERITY_WARNING, "Fence validation failed")
+                return
+            self.items, self._arriving = self._arriving, []
         self._acknowledge(ACCEPTED, peer, send)
-        self._say(mavlink.MAV_SEVERITY_INFO, "Flight plan received")
+        self._say(mavlink.MAV_SEVERITY_INFO, RECEIVED[self._kind.mission_type])
 
     _mission_item_int = _mission_item
 
@@ -116,7 +143,7 @@ class ArduPilotMissionServer(MissionServer):
         if self.upload is not None:
             self._acknowledge(DENIED, peer, send)
             return
-        send(mavlink.MAVLink_mission_count_message(*peer, len(self.items), 0))
+        send(mavlink.MAVLink_mission_count_message(*peer, len(self.items), self._kind.mission_type))
 
     def _mission_request_int(self, message: Message, peer: Peer, send: Send, _wall_s: float) -> None:
         self._give(message, peer, send, as_float=False)
@@ -129,8 +156,9 @@ class ArduPilotMissionServer(MissionServer):
         if message.seq >= len(items):
             self._acknowledge(INVALID_SEQUENCE, peer, send)
             return
-        item = replace(items[message.seq], current=0, autocontinue=1)
-        send(message_of_item(item, message.seq, peer, as_float=as_float))
+        autocontinue = int(self._kind is ARDUPILOT_MISSION)
+        item = replace(items[message.seq], current=0, autocontinue=autocontinue)
+        send(message_of_item(item, message.seq, peer, self._kind.mission_type, as_float=as_float))
 
     def _mission_ack(self, message: Message, peer: Peer, send: Send, wall_s: float) -> None:
         """Cancelling is not supported: the upload goes on."""

@@ -68,13 +68,15 @@ def item_of_message(message: Message) -> StoredItem:
     )
 
 
-def message_of_item(item: StoredItem, sequence: int, peer: tuple[int, int], *, as_float: bool) -> Message:
+def message_of_item(
+    item: StoredItem, sequence: int, peer: tuple[int, int], mission_type: int = 0, *, as_float: bool
+) -> Message:
     """MISSION_ITEM_INT, or the old MISSION_ITEM for who asked with the old request."""
     head = (*peer, sequence, item.frame, item.command, item.current, item.autocontinue, *item.params)
     if as_float:
         scale = 1e-7 if item.frame in GLOBAL_FRAMES else 1.0
-        return mavlink.MAVLink_mission_item_message(*head, item.x * scale, item.y * scale, item.z)
-    return mavlink.MAVLink_mission_item_int_message(*head, item.x, item.y, item.z)
+        return mavlink.MAVLink_mission_item_message(*head, item.x * scale, item.y * scale, item.z, mission_type)
+    return mavlink.MAVLink_mission_item_int_message(*head, item.x, item.y, item.z, mission_type)
 
 
 def float32(value: float) -> float:

@@ -1,4 +1,4 @@
-"""What the two mission servers have in common: the stored mission and how to reach the peer."""
+"""What the two mission servers have in common: the stored lists and how to reach the peer."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from sitl_mocks.dialect import Message, mavlink
+from sitl_mocks.fence_rally import ListKind
 from sitl_mocks.mission_items import StoredItem
 
 Peer = tuple[int, int]
@@ -20,7 +21,7 @@ INVALID_SEQUENCE = int(mavlink.MAV_MISSION_INVALID_SEQUENCE)
 DENIED = int(mavlink.MAV_MISSION_DENIED)
 CANCELLED = int(mavlink.MAV_MISSION_OPERATION_CANCELLED)
 
-MISSION_TYPE = int(mavlink.MAV_MISSION_TYPE_MISSION)
+ALL_LISTS = int(mavlink.MAV_MISSION_TYPE_ALL)
 MESSAGES = {
     "MISSION_COUNT",
     "MISSION_ITEM",
@@ -46,21 +47,23 @@ class Upload:
 
 
 class MissionServer(ABC):
-    """Keeps the mission and answers the mission protocol.
+    """Keeps the mission and answers the mission protocol, for the other lists (fence, rally points) too.
 
-    Timers run on wall time. Fences and rally points are no part of these vehicles: their uploads are answered with
-    UNSUPPORTED, their lists are empty.
+    Timers run on wall time. A list that the vehicle does not have is answered with UNSUPPORTED.
 
     Args:
         say: sends a STATUSTEXT of a severity.
-        changed: called when the stored mission has changed.
+        changed: called when the stored list has changed.
+        kind: which list.
     """
 
-    def __init__(self, say: Callable[[int, str], None], changed: Callable[[], None]) -> None:
+    def __init__(self, say: Callable[[int, str], None], changed: Callable[[], None], kind: ListKind) -> None:
         self._say = say
         self._changed = changed
+        self._kind = kind
         self.items: list[StoredItem] = []
         self.upload: Upload | None = None
+        self.others: dict[int, MissionServer] = {}
 
     def handle(self, message: Message, send: Callable[[Message], None], wall_s: float) -> bool:
         """Answer a message of the mission protocol; False if it is none."""
@@ -68,31 +71,41 @@ class MissionServer(ABC):
         if kind not in MESSAGES:
             return False
         peer = (message.get_srcSystem(), message.get_srcComponent())
-        if message.mission_type != MISSION_TYPE:
-            self._other_type(kind, message, peer, send)
-            return True
-        getattr(self, f"_{kind.lower()}")(message, peer, send, wall_s)
+        wanted = int(message.mission_type)
+        if kind == "MISSION_CLEAR_ALL" and wanted == ALL_LISTS:
+            self._clear_all_lists(peer, send)
+        elif (server := self._server(wanted)) is not None:
+            if not self._refuses_beside(server, kind, peer, send):
+                getattr(server, f"_{kind.lower()}")(message, peer, send, wall_s)
+        elif kind in {"MISSION_REQUEST_LIST", "MISSION_COUNT", "MISSION_CLEAR_ALL"}:
+            send(mavlink.MAVLink_mission_ack_message(*peer, UNSUPPORTED, wanted))
         return True
+
+    def _server(self, mission_type: int) -> MissionServer | None:
+        return self if mission_type == self._kind.mission_type else self.others.get(mission_type)
+
+    def _refuses_beside(self, server: MissionServer, kind: str, peer: Peer, send: Callable[[Message], None]) -> bool:
+        """Whether a message about one list is refused because of what is under way with another."""
+        del server, kind, peer, send
+        return False
+
+    @abstractmethod
+    def _clear_all_lists(self, peer: Peer, send: Callable[[Message], None]) -> None: ...
 
     @abstractmethod
     def step(self, wall_s: float) -> None:
         """Ask again, or give up, when the peer is silent."""
 
-    def _other_type(self, kind: str, message: Message, peer: Peer, send: Callable[[Message], None]) -> None:
-        if kind == "MISSION_REQUEST_LIST":
-            send(mavlink.MAVLink_mission_count_message(*peer, 0, message.mission_type))
-        elif kind == "MISSION_COUNT":
-            send(mavlink.MAVLink_mission_ack_message(*peer, UNSUPPORTED, message.mission_type))
-        elif kind == "MISSION_CLEAR_ALL":
-            if message.mission_type == mavlink.MAV_MISSION_TYPE_ALL:
-                self.clear()
-            send(mavlink.MAVLink_mission_ack_message(*peer, ACCEPTED, message.mission_type))
-
     def clear(self) -> None:
-        """Forget the mission."""
+        """Forget the list."""
         self.items = []
         self._changed()
 
-    @staticmethod
-    def _acknowledge(result: int, peer: Peer, send: Callable[[Message], None]) -> None:
-        send(mavlink.MAVLink_mission_ack_message(*peer, result, MISSION_TYPE))
+    def keep_from(self, old: MissionServer) -> None:
+        """Hold what another one held: the lists survive a reboot."""
+        self.items = old.items
+        for mission_type, server in self.others.items():
+            server.items = old.others[mission_type].items
+
+    def _acknowledge(self, result: int, peer: Peer, send: Callable[[Message], None]) -> None:
+        send(mavlink.MAVLink_mission_ack_message(*peer, result, self._kind.mission_type))

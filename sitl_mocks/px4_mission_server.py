@@ -6,27 +6,35 @@ from collections.abc import Callable
 from dataclasses import replace
 
 from sitl_mocks.dialect import Message, mavlink
-from sitl_mocks.mission_items import ItemRefused, StoredItem, item_of_message, message_of_item, px4_item
-from sitl_mocks.mission_server import ACCEPTED, CANCELLED, ERROR, NO_SPACE, MissionServer, Peer, Upload
+from sitl_mocks.fence_rally import PX4_LISTS, PX4_MISSION, ListKind
+from sitl_mocks.mission_items import ItemRefused, StoredItem, item_of_message, message_of_item
+from sitl_mocks.mission_server import ACCEPTED, ALL_LISTS, CANCELLED, ERROR, NO_SPACE, MissionServer, Peer, Upload
 
 Send = Callable[[Message], None]
 
 
 class Px4MissionServer(MissionServer):
-    """Asks with MISSION_REQUEST_INT, replaces the mission only when all of a new one has come.
+    """Asks with MISSION_REQUEST_INT, replaces a list only when all of a new one has come; one transfer at a time.
 
     Args:
         current: sequence of the current item, which is marked when items are given out.
+        kind: which list; the mission's server has those of the other lists in `others`.
     """
 
-    CAPACITY = 10_000
     ASK_AGAIN_S = 0.26
     GIVE_UP_S = 5.05
 
     def __init__(
-        self, say: Callable[[int, str], None], changed: Callable[[], None], current: Callable[[], int]
+        self,
+        say: Callable[[int, str], None],
+        changed: Callable[[], None],
+        current: Callable[[], int],
+        kind: ListKind = PX4_MISSION,
     ) -> None:
-        super().__init__(say, changed)
+        super().__init__(say, changed, kind)
+        if kind is PX4_MISSION:
+            lists = (Px4MissionServer(say, lambda: None, lambda: -1, other) for other in PX4_LISTS)
+            self.others = {server._kind.mission_type: server for server in lists}
         self._current = current
         self._arriving: list[StoredItem] = []
         self._last_upload: tuple[Peer, int] | None = None
@@ -34,6 +42,8 @@ class Px4MissionServer(MissionServer):
 
     def step(self, wall_s: float) -> None:
         """Ask again, or give up, when the peer is silent."""
+        for server in self.others.values():
+            server.step(wall_s)
         self._readers = {peer: heard for peer, heard in self._readers.items() if wall_s - heard < self.GIVE_UP_S}
         upload = self.upload
         if upload is None:
@@ -44,9 +54,21 @@ class Px4MissionServer(MissionServer):
         elif wall_s - upload.asked_s >= self.ASK_AGAIN_S:
             self._ask(upload, wall_s)
 
+    def _refuses_beside(self, server: MissionServer, kind: str, peer: Peer, send: Send) -> bool:
+        busy = any(s.upload is not None for s in (self, *self.others.values()) if s is not server)
+        if busy and kind != "MISSION_ACK":
+            server._acknowledge(ERROR, peer, send)
+            return True
+        return False
+
+    def _clear_all_lists(self, peer: Peer, send: Send) -> None:
+        for server in (self, *self.others.values()):
+            server.clear()
+        send(mavlink.MAVLink_mission_ack_message(*peer, ACCEPTED, ALL_LISTS))
+
     def _ask(self, upload: Upload, wall_s: float) -> None:
         upload.asked_s = wall_s
-        upload.send(mavlink.MAVLink_mission_request_int_message(*upload.peer, upload.next, 0))
+        upload.send(mavlink.MAVLink_mission_request_int_message(*upload.peer, upload.next, self._kind.mission_type))
 
     def _mission_count(self, message: Message, peer: Peer, send: Send, wall_s: float) -> None:
         upload = self.upload
@@ -57,7 +79,7 @@ class Px4MissionServer(MissionServer):
             else:
                 self._acknowledge(ERROR, peer, send)
             return
-        if message.count > self.CAPACITY:
+        if message.count > self._kind.capacity:
             self._acknowledge(NO_SPACE, peer, send)
             return
         if message.count == 0:
@@ -81,7 +103,7 @@ class Px4MissionServer(MissionServer):
         if message.seq != upload.next:
             return  # the item that is waited for will be asked for again
         try:
-            self._arriving.append(px4_item(item_of_message(message)))
+            self._arriving.append(self._kind.keep(item_of_message(message)))
         except ItemRefused as refusal:
             self._acknowledge(refusal.result, peer, send)
             self._say(mavlink.MAV_SEVERITY_CRITICAL, "IGN MISSION_ITEM: Invalid item")
@@ -104,7 +126,7 @@ class Px4MissionServer(MissionServer):
             self._acknowledge(ERROR, peer, send)
             return
         self._readers[peer] = wall_s
-        send(mavlink.MAVLink_mission_count_message(*peer, len(self.items), 0))
+        send(mavlink.MAVLink_mission_count_message(*peer, len(self.items), self._kind.mission_type))
 
     def _mission_request_int(self, message: Message, peer: Peer, send: Send, wall_s: float) -> None:
         self._give(message, peer, send, wall_s, as_float=False)
@@ -118,7 +140,7 @@ class Px4MissionServer(MissionServer):
             return
         self._readers[peer] = wall_s
         item = replace(self.items[message.seq], current=int(message.seq == self._current()))
-        send(message_of_item(item, message.seq, peer, as_float=as_float))
+        send(message_of_item(item, message.seq, peer, self._kind.mission_type, as_float=as_float))
 
     def _mission_ack(self, message: Message, peer: Peer, _send: Send, _wall_s: float) -> None:
         self._readers.pop(peer, None)

@@ -315,7 +315,8 @@ class Simulator:
         place[2] = old.airframe.ground_m
         options = replace(old.options, home=old.frame.geo(place), unix_start_s=old.unix_s, replan=False)
         fresh = type(old)(options)
-        fresh.parameters, fresh.missions.items = old.parameters, old.missions.items
+        fresh.parameters = old.parameters
+        fresh.missions.keep_from(old.missions)
         fresh.folder.files.update(old.folder.files)
         fresh.airframe.battery.used_wh = old.airframe.battery.used_wh
         for link in member.links:

@@ -56,7 +56,7 @@ def plan_of(gcs, box_scenario, box_folder, tmp_path):
         file.write_text(yaml.safe_dump(scenario))
         if not (tmp_path / "box.stl").exists():
             (tmp_path / "box.stl").write_bytes((box_folder / "box.stl").read_bytes())
-        (tmp_path / "out").mkdir()
+        (tmp_path / "out").mkdir(exist_ok=True)
         said = gcs("plan", file, "-o", tmp_path / "out" / "plan")
         said.left = list((tmp_path / "out").iterdir())
         return said
@@ -242,10 +242,10 @@ def closed_in(scenario):
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        (point(gsd_mm=0.3), ("inspection.points.W", "the best it can have is 0.67 mm")),
+        (point(gsd_mm=0.3), ("inspection.points.W", "the best it can have is 0.68 mm")),
         (
             at("inspection", {"surface": {"gsd_mm": 0.3}}),
-            ("inspection.surface.gsd_mm", "the best it can have is 0.66 mm"),
+            ("inspection.surface.gsd_mm", "the best it can have is 0.70 mm"),
         ),
         (
             point(normal=[1.0, 0.0, 0.0]),
@@ -267,6 +267,15 @@ def test_no_feasible_plan_says_why(plan_of, tmp_path, change, words):
     said = plan_of(change)
     is_one_line(said, 3, *words)
     assert said.left == []
+
+
+@pytest.mark.parametrize(
+    "ask", [lambda gsd: point(gsd_mm=gsd), lambda gsd: at("inspection", {"surface": {"gsd_mm": gsd}})]
+)
+def test_the_best_gsd_that_is_named_can_be_had(plan_of, ask):
+    refused = plan_of(ask(0.3))
+    best = float(refused.err.split("the best it can have is ")[1].split(" mm")[0])
+    assert plan_of(ask(best)).status == 0
 
 
 def test_a_folder_of_other_things_is_left_as_it_is(gcs, box_folder, tmp_path):

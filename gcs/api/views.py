@@ -154,6 +154,7 @@ def vehicle_info(view: VehicleView) -> VehicleInfo:
         last_heard_age_s=None if view.last_heard_s is None else round(max(view.now_s - view.last_heard_s, 0.0), 3),
         link_quality=None if view.link_quality.loss is None else 1 - view.link_quality.loss,
         messages_per_s=round(view.link_quality.messages_per_s, 2),
+        round_trip_s=None if view.link_quality.round_trip_s is None else round(view.link_quality.round_trip_s, 4),
         flight_id=view.flight_id,
         armed=reading("armed", t.armed, bool),
         mode=reading("mode", t.mode, lambda m: m.value),

@@ -68,8 +68,11 @@ class SequenceMeter:
 
 
 class RoundTripMeter:
-    """Times TIMESYNC questions. Only an answer to a question that was asked here counts, and once: on a shared link the
-    answers to other stations are heard too, and what they carry is their clock."""
+    """Times TIMESYNC questions.
+
+    Only an answer to a question that was asked here counts, and once: on a shared link the answers to other stations
+    are heard too, and what they carry is their clock.
+    """
 
     def __init__(self) -> None:
         self._asked: deque[int] = deque(maxlen=QUESTIONS_OPEN)

@@ -27,7 +27,7 @@ VEHICLE_TIMEOUT_S = 30.0
 REFERENCES_TIMEOUT_S = 60.0
 GIVE_UP_S = 60.0
 """After so long without a heartbeat in flight nothing more is expected of the vehicle."""
-TOLD_KINDS = frozenset({"state", "viewpoint", "mode", "link", "problem", "replan", "offboard", "command"})
+TOLD_KINDS = frozenset({"state", "viewpoint", "mode", "link", "problem", "replan", "offboard", "command", "log"})
 
 
 @dataclass(frozen=True)

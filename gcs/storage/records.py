@@ -200,7 +200,7 @@ class FlightEventRecord:
     flight_id: str
     at: str
     kind: str
-    """Such as state, command, message, mode, upload, image, viewpoint, replan, problem."""
+    """Such as state, command, message, mode, upload, image, viewpoint, replan, problem, log."""
     severity: int
     """As in MAVLink: 0 emergency to 7 debug."""
     text: str

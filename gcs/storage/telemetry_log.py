@@ -233,7 +233,7 @@ class TelemetryLogStore:
 
 
 def whole_length(path: Path) -> int:
-    """Length (bytes) of a log up to the end of its last whole packet; a killed process may leave part of one behind it."""
+    """Bytes of a log up to the end of its last whole packet; a killed process may leave part of one behind it."""
     size = path.stat().st_size
     end = 0
     with path.open("rb") as file:

@@ -39,7 +39,7 @@ class FakeMavlink:
                 identity=VehicleIdentity(1, 1, Autopilot.PX4, 2),
                 connected=True,
                 last_heard_s=now,
-                link_quality=LinkQuality(80.0, 0.1),
+                link_quality=LinkQuality(80.0, 0.1, 0.05),
                 telemetry=Telemetry(
                     armed=Heard(False, now),
                     mode=Heard(FlightMode.HOLD, now),

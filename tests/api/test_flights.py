@@ -1,6 +1,7 @@
 import zlib
 
 import pytest
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from gcs.core.clock import utc_now
 from gcs.core.errors import ConflictError, LinkError, RefusedError, StorageError
@@ -147,3 +148,31 @@ def test_pictures_are_listed_and_given_out_once_they_are_stored(client, flight, 
 
 def test_a_plan_that_was_flown_is_kept(client, flight):
     assert client.delete(f"/api/plans/{flight['plan_id']}").status_code == 409
+
+
+def test_the_telemetry_log_is_downloaded_under_the_flights_name(client, flight, services):
+    url = f"/api/flights/{flight['id']}/telemetry-log"
+    assert client.get(f"/api/flights/{flight['id']}").json()["telemetry_log"] is None
+    missing = client.get(url)
+    assert (missing.status_code, missing.json()["field"]) == (404, flight["id"])
+    log = services.telemetry_logs.open(flight["id"], pytest.fail)
+    packet = bytes(mavlink.MAVLink_heartbeat_message(2, 12, 0, 0, 4, 3).pack(mavlink.MAVLink(None)))
+    for _ in range(10):
+        log.record(packet)
+    log.close()
+    name, size = f"{flight['id']}.tlog", 10 * (8 + len(packet))
+    assert client.get(f"/api/flights/{flight['id']}").json()["telemetry_log"] == {"name": name, "size_bytes": size}
+    file = client.get(url)
+    assert file.status_code == 200
+    assert file.headers["content-disposition"] == f'attachment; filename="{name}"'
+    assert (file.headers["content-type"], file.headers["content-length"]) == ("application/octet-stream", str(size))
+    assert file.content == log.path.read_bytes()
+
+
+@pytest.mark.parametrize("flight_id", ["flight-9", "..%2f..%2fgcs.sqlite3", "%2e%2e", "a%00b"])
+def test_there_is_no_telemetry_log_of_a_flight_that_is_not(client, flight, flight_id):
+    assert client.get(f"/api/flights/{flight_id}/telemetry-log").status_code == 404
+
+
+def test_the_telemetry_log_needs_the_session(flight, outside):
+    assert outside.get(f"/api/flights/{flight['id']}/telemetry-log").status_code == 401

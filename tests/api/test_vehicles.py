@@ -9,6 +9,7 @@ def test_every_value_has_its_age_and_unknown_is_null(client):
     (vehicle,) = client.get("/api/vehicles").json()
     assert vehicle["name"] == "px4-1"
     assert vehicle["link_quality"] == pytest.approx(0.9)
+    assert vehicle["round_trip_s"] == pytest.approx(0.05)
     assert vehicle["armed"]["value"] is False
     assert vehicle["armed"]["stale"] is False
     assert vehicle["mode"]["value"] == "hold"

@@ -2,7 +2,7 @@ import random
 
 import pytest
 
-from gcs.mavlink.link_quality import WINDOW_S, SequenceMeter
+from gcs.mavlink.link_quality import WINDOW_S, RoundTripMeter, SequenceMeter
 
 
 def test_nothing_heard_is_unknown():
@@ -48,3 +48,31 @@ def test_old_losses_are_forgotten():
     for i in range(100):
         meter.count(1, (51 + i) % 256, 0.2 + i * 0.2)
     assert meter.quality(20.2).loss == 0.0
+
+
+def test_the_round_trip_is_the_median_of_the_last_answers():
+    meter = RoundTripMeter()
+    assert meter.median_s(0.0) is None
+    for i, seconds in enumerate((0.05, 0.05, 1.5, 0.06, 0.05)):
+        stamp = meter.ask(float(i))
+        assert meter.answered(stamp, i + seconds) == pytest.approx(seconds, abs=1e-6)
+    assert meter.median_s(5.0) == pytest.approx(0.05, abs=1e-6)
+    assert meter.median_s(4.05 + WINDOW_S + 0.1) is None
+
+
+def test_answers_to_others_and_second_answers_are_no_round_trips():
+    meter = RoundTripMeter()
+    stamp = meter.ask(10.0)
+    assert meter.answered(stamp - 1, 10.1) is None
+    assert meter.answered(-(1 << 63), 10.1) is None
+    assert meter.answered(stamp, 10.2) == pytest.approx(0.2, abs=1e-6)
+    assert meter.answered(stamp, 10.3) is None
+    assert meter.median_s(10.3) == pytest.approx(0.2, abs=1e-6)
+
+
+def test_questions_without_an_answer_are_forgotten():
+    meter = RoundTripMeter()
+    first = meter.ask(0.0)
+    for i in range(1, 1000):
+        meter.ask(float(i))
+    assert meter.answered(first, 1000.0) is None

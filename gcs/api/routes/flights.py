@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Annotated
 
 from fastapi import APIRouter, Query
+from fastapi.responses import StreamingResponse
 
 from gcs.api.dependencies import FlightId, Services
 from gcs.api.schemas.flights import (
@@ -18,6 +19,7 @@ from gcs.api.schemas.flights import (
     PreflightInfo,
     ReplanInfo,
     StartRequest,
+    TelemetryLogFile,
     Track,
     UploadRequest,
     Visit,
@@ -73,7 +75,27 @@ async def create_flight(services: Services, request: FlightRequest) -> FlightInf
 def get_flight(services: Services, flight_id: FlightId) -> FlightDetail:
     """One flight with the viewpoints that were reached."""
     visits = [Visit.model_validate(v) for v in services.database.flights.visits(flight_id)]
-    return FlightDetail(**_info(services, flight_id).model_dump(), visits=visits)
+    size = services.telemetry_logs.size_bytes(flight_id)
+    name = services.telemetry_logs.file_name(flight_id)
+    log = None if size is None else TelemetryLogFile(name=name, size_bytes=size)
+    return FlightDetail(**_info(services, flight_id).model_dump(), visits=visits, telemetry_log=log)
+
+
+@router.get(
+    "/{flight_id}/telemetry-log",
+    operation_id="getTelemetryLog",
+    response_class=StreamingResponse,
+    responses={200: {"content": {"application/octet-stream": {"schema": {"type": "string", "format": "binary"}}}}},
+)
+def get_telemetry_log(services: Services, flight_id: FlightId) -> StreamingResponse:
+    """Every packet of the flight's link as a tlog, for MAVLink tools; of a flight under way, what is written so far."""
+    flight = services.database.flights.get(flight_id)
+    size, pieces = services.telemetry_logs.read(flight.id)
+    headers = {
+        "Content-Length": str(size),
+        "Content-Disposition": f'attachment; filename="{services.telemetry_logs.file_name(flight.id)}"',
+    }
+    return StreamingResponse(pieces, media_type="application/octet-stream", headers=headers)
 
 
 @router.get("/{flight_id}/preflight", operation_id="checkFlight")

@@ -102,10 +102,18 @@ class Visit(Sent):
     miss_m: float | None
 
 
+class TelemetryLogFile(Sent):
+    """The record of every packet of a flight's link, in the form that MAVLink tools read."""
+
+    name: str
+    size_bytes: int = Field(description="As written so far.")
+
+
 class FlightDetail(FlightInfo):
     """A flight with what was reached."""
 
     visits: list[Visit]
+    telemetry_log: TelemetryLogFile | None = Field(description="Null when no packet of it was recorded.")
 
 
 class FlightEvent(Sent):

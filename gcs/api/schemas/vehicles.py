@@ -66,6 +66,9 @@ class VehicleInfo(Sent):
     last_heard_age_s: float | None
     link_quality: float | None = Field(description="Share of the vehicle's messages that arrived, 0 to 1.")
     messages_per_s: float
+    round_trip_s: float | None = Field(
+        description="Median time from a TIMESYNC question to its answer, over the last 10 s; null when unanswered."
+    )
     flight_id: str | None = Field(description="The flight it is on, when one is open.")
     armed: Reading[bool] | None
     mode: Reading[str] | None = Field(description="In words common to both stacks.")

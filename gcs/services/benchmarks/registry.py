@@ -22,7 +22,7 @@ BENCHMARKS = {
     "paths": "grid search and string pulling: milliseconds, and length above a closed form",
     "predictions": "what autopilots make of missions and setpoints; --records FOLDER: beside recorded flights",
     "tours": "tours and their proven lower bounds: cost, gap, seconds",
-    "trajectories": "minimum snap in corridors: milliseconds, cost and violation of each solver",
+    "trajectories": "minimum snap, flight times and a whole plan: milliseconds, cost, violation, ratios",
 }
 """Name (also of the module beside this one that has `run(quick)`) and what it measures."""
 

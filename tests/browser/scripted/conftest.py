@@ -34,7 +34,7 @@ def reading(value: Any, age_s: float = 0.1, *, stale: bool = False) -> dict[str,
 def vehicle(**changes: Any) -> vehicles.VehicleInfo:
     values: dict[str, Any] = {
         "name": VEHICLE, "system_id": 1, "autopilot": "px4", "vehicle_type": 2, "connected": True,
-        "last_heard_age_s": 0.1, "link_quality": 0.98, "messages_per_s": 87.0, "flight_id": None,
+        "last_heard_age_s": 0.1, "link_quality": 0.98, "messages_per_s": 87.0, "round_trip_s": 0.042, "flight_id": None,
         "armed": reading(False), "mode": reading("hold"), "mode_name": reading("AUTO.LOITER"),
         "landed": reading("on_ground"), "position": reading(HOME_PLACE), "local_position_m": None,
         "velocity_m_s": reading((0.0, 0.0, 0.0)), "yaw_deg": reading(45.0), "gimbal_pitch_deg": reading(-20.0),

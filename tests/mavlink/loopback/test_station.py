@@ -236,3 +236,26 @@ async def test_messages_per_second_and_link_quality(station, make_vehicle):
     await asyncio.sleep(1.2)
     assert vehicle.link_quality.loss == pytest.approx(0.0, abs=0.05)
     assert vehicle.link_quality.messages_per_s > 20
+    await wait_until(lambda: vehicle.link_quality.round_trip_s is not None)
+    assert 0 < vehicle.link_quality.round_trip_s < 1.0
+
+
+async def test_every_packet_of_a_vehicle_is_told_both_ways_and_none_of_another(station, make_vehicle):
+    url = await station.open(f"udpin:{HOST}:0")
+    first = await make_vehicle(port_of(url), system_id=1)
+    await make_vehicle(port_of(url), system_id=2)
+    vehicle = await station.wait_for_vehicle(5.0, system_id=1)
+    await station.wait_for_vehicle(5.0, system_id=2)
+    packets = []
+    heard_before = len(first.heard)
+    vehicle.on_packet = lambda packet: packets.append(bytes(packet))
+    await vehicle.arm()
+    await wait_until(lambda: {"HEARTBEAT", "TIMESYNC"} <= {m.get_type() for _, m in first.heard[heard_before:]})
+    vehicle.on_packet = None
+    parser = FrameParser()
+    passed = [message for packet in packets for message in parser.feed(packet)]
+    sent = [m for m in passed if m.get_srcSystem() == 255]
+    assert {m.get_srcSystem() for m in passed} == {1, 255}
+    assert {"HEARTBEAT", "ATTITUDE", "COMMAND_ACK"} <= {m.get_type() for m in passed if m.get_srcSystem() == 1}
+    heard = [bytes(m.get_msgbuf()) for _, m in first.heard[heard_before:]]
+    assert set(heard) <= {bytes(m.get_msgbuf()) for m in sent}

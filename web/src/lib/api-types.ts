@@ -268,6 +268,26 @@ export interface paths {
         patch?: never;
         trace?: never;
     };
+    "/api/flights/{flight_id}/telemetry-log": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /**
+         * Get Telemetry Log
+         * @description Every packet of the flight's link as a tlog, for MAVLink tools; of a flight under way, what is written so far.
+         */
+        get: operations["getTelemetryLog"];
+        put?: never;
+        post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
     "/api/flights/{flight_id}/track": {
         parameters: {
             query?: never;
@@ -885,6 +905,8 @@ export interface components {
             state: components["schemas"]["FlightState"];
             /** System Id */
             system_id: number;
+            /** @description Null when no packet of it was recorded. */
+            telemetry_log: components["schemas"]["TelemetryLogFile"] | null;
             /** Updated At */
             updated_at: string;
             /** Vehicle */
@@ -1898,6 +1920,19 @@ export interface components {
             name: string;
         };
         /**
+         * TelemetryLogFile
+         * @description The record of every packet of a flight's link, in the form that MAVLink tools read.
+         */
+        TelemetryLogFile: {
+            /** Name */
+            name: string;
+            /**
+             * Size Bytes
+             * @description As written so far.
+             */
+            size_bytes: number;
+        };
+        /**
          * TelemetryMessage
          * @description The newest of one vehicle; at most five times a second, the latest wins.
          */
@@ -2057,6 +2092,11 @@ export interface components {
             name: string;
             position: components["schemas"]["Reading_GeoPosition_"] | null;
             ready_to_arm: components["schemas"]["Reading_bool_"] | null;
+            /**
+             * Round Trip S
+             * @description Median time from a TIMESYNC question to its answer, over the last 10 s; null when unanswered.
+             */
+            round_trip_s: number | null;
             satellites: components["schemas"]["Reading_int_"] | null;
             /** System Id */
             system_id: number;
@@ -2608,6 +2648,37 @@ export interface operations {
                 };
                 content: {
                     "application/json": components["schemas"]["FlightInfo"];
+                };
+            };
+            /** @description What went wrong. */
+            default: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+        };
+    };
+    getTelemetryLog: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path: {
+                flight_id: string;
+            };
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/octet-stream": string;
                 };
             };
             /** @description What went wrong. */

@@ -1,0 +1,117 @@
+"""Fence and rally points as the two kinds of vehicle keep them: how many, and what becomes of an item."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+from sitl_mocks.dialect import mavlink
+from sitl_mocks.mission_items import (
+    INVALID_PARAM5_X,
+    INVALID_PARAM6_Y,
+    INVALID_PARAM7,
+    UNSUPPORTED,
+    UNSUPPORTED_FRAME,
+    ItemRefused,
+    StoredItem,
+    ardupilot_item,
+    px4_item,
+)
+
+RETURN_POINT, INCLUDED_CORNER, EXCLUDED_CORNER, INCLUDED_CIRCLE, EXCLUDED_CIRCLE, RALLY_POINT = *range(5000, 5005), 5100
+_FENCE = {RETURN_POINT, INCLUDED_CORNER, EXCLUDED_CORNER, INCLUDED_CIRCLE, EXCLUDED_CIRCLE}
+_FRAMES = {0, 3, 5, 6}
+_ARDUPILOT_RALLY_FRAME = {0: 0, 3: 3, 5: 0, 6: 3, 10: 10, 11: 10}
+_NO_PARAMS = (0.0, 0.0, 0.0, 0.0)
+_INT16 = 32767
+
+
+@dataclass(frozen=True)
+class ListKind:
+    """One of the lists of a vehicle.
+
+    Attributes:
+        mission_type: MAV_MISSION_TYPE.
+        capacity: how many items it takes.
+        keep: what is kept of an item; raises ItemRefused.
+        fit: judges a whole new list before it replaces the old one; None where items are written as they come, or are
+            taken in any case.
+    """
+
+    mission_type: int
+    capacity: int
+    keep: Callable[[StoredItem], StoredItem]
+    fit: Callable[[Sequence[StoredItem]], bool] | None = None
+
+
+def _px4_fence(item: StoredItem) -> StoredItem:
+    if item.command not in _FENCE:
+        raise ItemRefused(UNSUPPORTED)
+    return _px4_place(item)
+
+
+def _px4_rally(item: StoredItem) -> StoredItem:
+    if item.command != RALLY_POINT:
+        raise ItemRefused(UNSUPPORTED)
+    return _px4_place(item)
+
+
+def _px4_place(item: StoredItem) -> StoredItem:
+    if item.frame not in _FRAMES:
+        raise ItemRefused(UNSUPPORTED_FRAME)
+    return replace(item, frame=mavlink.MAV_FRAME_GLOBAL_INT, autocontinue=0)
+
+
+def _ardupilot_fence(item: StoredItem) -> StoredItem:
+    if item.command not in _FENCE:
+        raise ItemRefused(UNSUPPORTED)
+    if item.frame not in _FRAMES:
+        raise ItemRefused(UNSUPPORTED_FRAME)
+    _in_range(item)
+    p1 = 0.0 if item.command == RETURN_POINT else item.params[0]
+    return StoredItem(0, item.command, (p1, 0.0, 0.0, 0.0), item.x, item.y, 0.0, autocontinue=0)
+
+
+def _ardupilot_rally(item: StoredItem) -> StoredItem:
+    if item.command != RALLY_POINT:
+        raise ItemRefused(UNSUPPORTED)
+    if item.frame not in _ARDUPILOT_RALLY_FRAME:
+        raise ItemRefused(UNSUPPORTED_FRAME)
+    _in_range(item)
+    if not abs(item.z) <= _INT16:
+        raise ItemRefused(INVALID_PARAM7)
+    frame, z = _ARDUPILOT_RALLY_FRAME[item.frame], float(int(item.z))
+    return StoredItem(frame, RALLY_POINT, _NO_PARAMS, item.x, item.y, z, autocontinue=0)
+
+
+def _in_range(item: StoredItem) -> None:
+    if abs(item.x) > 900_000_000:
+        raise ItemRefused(INVALID_PARAM5_X)
+    if abs(item.y) > 1_800_000_000:
+        raise ItemRefused(INVALID_PARAM6_Y)
+
+
+def whole_polygons(items: Sequence[StoredItem]) -> bool:
+    """Whether every polygon has all the corners that it says, at least three, no two neighbours in one place."""
+    at = 0
+    while at < len(items):
+        item = items[at]
+        if item.command not in {INCLUDED_CORNER, EXCLUDED_CORNER}:
+            at += 1
+            continue
+        count = int(item.params[0])
+        polygon = items[at : at + count]
+        alike = all((p.command, p.params[0]) == (item.command, item.params[0]) for p in polygon)
+        if count < 3 or len(polygon) < count or not alike:
+            return False
+        places = [(p.x, p.y) for p in polygon]
+        if any(place == places[k - 1] for k, place in enumerate(places)):
+            return False
+        at += count
+    return True
+
+
+PX4_MISSION = ListKind(0, 10_000, px4_item)
+PX4_LISTS = (ListKind(1, 64, _px4_fence), ListKind(2, 32, _px4_rally))
+ARDUPILOT_MISSION = ListKind(0, 650, ardupilot_item)
+ARDUPILOT_LISTS = (ListKind(1, 70, _ardupilot_fence, whole_polygons), ListKind(2, 46, _ardupilot_rally))
