@@ -166,7 +166,7 @@ def fly(
 @connect_option
 @json_option
 def upload(out: Path, url: str, as_json: bool) -> None:
-    """Put the mission of the plan in OUT on the vehicle, and prove that it is there."""
+    """Put the mission of the plan in OUT, its fence and rally points on the vehicle, and prove that they are there."""
     from gcs.services.transfer_commands import upload_plan
 
     proof = _run(upload_plan(out, url, lambda line: click.echo(line, err=True)))
@@ -174,6 +174,8 @@ def upload(out: Path, url: str, as_json: bool) -> None:
         click.echo(json.dumps(proof))
     else:
         click.echo(f"proved: {proof['vehicle']} holds {proof['items']} items, {proof['how']}")
+        for entry in proof["lists"]:
+            click.echo(f"{'proved' if entry['proved'] else 'not sent'}: {entry['name']}: {entry['how']}")
 
 
 @cli.command()

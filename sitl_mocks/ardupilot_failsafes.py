@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from sitl_mocks.ardupilot_modes import Mode
+from sitl_mocks.fence_rally import FENCE, outside
 
 if TYPE_CHECKING:
     from sitl_mocks.ardupilot import ArduPilotVehicle
@@ -16,6 +17,9 @@ _CONTINUE_AUTO = 2
 
 _CONTINUE_PILOT = 16
 """Bit of FS_OPTIONS: modes that are not the autopilot's own go on without a ground station."""
+
+_UNION = 2
+"""Bit of FENCE_OPTIONS: inside any included area, and not inside all of them."""
 
 _PILOT_MODES = {Mode.STABILIZE, Mode.ALT_HOLD, Mode.LOITER, Mode.POSHOLD, Mode.BRAKE}
 
@@ -78,6 +82,14 @@ class ArduPilotFailsafes:
         if action:
             vehicle.fail_to(self._mode({1: Mode.LAND, 7: Mode.BRAKE}, action), "battery")
 
+    def _outside_areas(self) -> bool:
+        fence = self._vehicle.missions.others[FENCE].items
+        if not fence:
+            return False
+        place = self._vehicle.frame.geo(self._vehicle.airframe.position_m)
+        of_all = not int(self._vehicle.parameters["FENCE_OPTIONS"]) & _UNION
+        return outside(fence, place.latitude_deg, place.longitude_deg, of_all=of_all)
+
     def _watch_fence(self) -> None:
         vehicle, p = self._vehicle, self._vehicle.parameters
         if not vehicle.in_air or self._fence_breached or not p["FENCE_ENABLE"]:
@@ -86,7 +98,7 @@ class ArduPilotFailsafes:
         kinds = int(p["FENCE_TYPE"])
         high = kinds & 1 and way[2] > p["FENCE_ALT_MAX"]
         far = kinds & 2 and np.hypot(way[0], way[1]) > p["FENCE_RADIUS"]
-        if high or far:
+        if high or far or (kinds & 4 and self._outside_areas()):
             self._fence_breached = True
             vehicle.say_critical("Fence Breached")
             action = int(p["FENCE_ACTION"])

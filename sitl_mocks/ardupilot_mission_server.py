@@ -23,7 +23,7 @@ from sitl_mocks.mission_server import (
 )
 
 Send = Callable[[Message], None]
-RECEIVED = ("Flight plan received", "Fence Indexed OK", "Rally points received")
+RECEIVED = {0: "Flight plan received", 1: "Fence Indexed OK"}
 
 
 class ArduPilotMissionServer(MissionServer):
@@ -135,7 +135,8 @@ class ArduPilotMissionServer(MissionServer):
                 return
             self.items, self._arriving = self._arriving, []
         self._acknowledge(ACCEPTED, peer, send)
-        self._say(mavlink.MAV_SEVERITY_INFO, RECEIVED[self._kind.mission_type])
+        if self._kind.mission_type in RECEIVED:
+            self._say(mavlink.MAV_SEVERITY_INFO, RECEIVED[self._kind.mission_type])
 
     _mission_item_int = _mission_item
 

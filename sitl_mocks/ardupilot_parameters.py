@@ -21,7 +21,8 @@ ARDUPILOT_PARAMETERS: dict[str, tuple[float, int]] = {
     "FENCE_ALT_MAX": (150.0, REAL32),  # 100 on the real one
     "FENCE_ENABLE": (1, INT8),  # 0 (off) on the real one
     "FENCE_RADIUS": (1000.0, REAL32),  # 300 on the real one
-    "FENCE_TYPE": (3, INT8),  # height and circle; 7 with polygons on the real one
+    "FENCE_OPTIONS": (1, INT16),
+    "FENCE_TYPE": (7, INT8),
     "FS_EKF_ACTION": (1, INT8),
     "FS_GCS_ENABLE": (1, INT8),  # return; 0 (off) on the real one
     # 5 s on the real one; a station that is started again within half a minute finds its vehicle still flying.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
@@ -19,11 +20,14 @@ from sitl_mocks.mission_items import (
 )
 
 RETURN_POINT, INCLUDED_CORNER, EXCLUDED_CORNER, INCLUDED_CIRCLE, EXCLUDED_CIRCLE, RALLY_POINT = *range(5000, 5005), 5100
+FENCE, RALLY = 1, 2
+"""MAV_MISSION_TYPE."""
 _FENCE = {RETURN_POINT, INCLUDED_CORNER, EXCLUDED_CORNER, INCLUDED_CIRCLE, EXCLUDED_CIRCLE}
 _FRAMES = {0, 3, 5, 6}
 _ARDUPILOT_RALLY_FRAME = {0: 0, 3: 3, 5: 0, 6: 3, 10: 10, 11: 10}
 _NO_PARAMS = (0.0, 0.0, 0.0, 0.0)
 _INT16 = 32767
+_METRES_E7 = math.radians(1e-7) * 6_378_137.0
 
 
 @dataclass(frozen=True)
@@ -111,7 +115,44 @@ def whole_polygons(items: Sequence[StoredItem]) -> bool:
     return True
 
 
+def outside(items: Sequence[StoredItem], latitude_deg: float, longitude_deg: float, *, of_all: bool) -> bool:
+    """Whether a place breaks a fence: in an excluded area, or not in the included ones.
+
+    Args:
+        items: a whole fence.
+        latitude_deg: of the place.
+        longitude_deg: of the place.
+        of_all: whether it has to be in all included areas, and not just in any.
+    """
+    y, x = latitude_deg * 1e7, longitude_deg * 1e7
+    included: list[bool] = []
+    at = 0
+    while at < len(items):
+        item = items[at]
+        size = int(item.params[0]) if item.command in {INCLUDED_CORNER, EXCLUDED_CORNER} else 1
+        if item.command in {INCLUDED_CIRCLE, EXCLUDED_CIRCLE}:
+            east = (x - item.y) * math.cos(math.radians(latitude_deg))
+            inside = math.hypot(east, y - item.x) * _METRES_E7 <= item.params[0]
+        else:
+            inside = size > 1 and _inside(x, y, items[at : at + size])
+        if item.command in {INCLUDED_CORNER, INCLUDED_CIRCLE}:
+            included.append(inside)
+        elif item.command != RETURN_POINT and inside:
+            return True
+        at += max(size, 1)
+    return bool(included) and not (all(included) if of_all else any(included))
+
+
+def _inside(x: float, y: float, corners: Sequence[StoredItem]) -> bool:
+    """Even-odd rule; x is the longitude, y the latitude, in 1e-7 degrees."""
+    inside = False
+    for a, b in zip(corners, [*corners[1:], corners[0]], strict=True):
+        if (a.x > y) != (b.x > y) and x < a.y + (y - a.x) * (b.y - a.y) / (b.x - a.x):
+            inside = not inside
+    return inside
+
+
 PX4_MISSION = ListKind(0, 10_000, px4_item)
-PX4_LISTS = (ListKind(1, 64, _px4_fence), ListKind(2, 32, _px4_rally))
+PX4_LISTS = (ListKind(FENCE, 64, _px4_fence), ListKind(RALLY, 32, _px4_rally))
 ARDUPILOT_MISSION = ListKind(0, 650, ardupilot_item)
-ARDUPILOT_LISTS = (ListKind(1, 70, _ardupilot_fence, whole_polygons), ListKind(2, 46, _ardupilot_rally))
+ARDUPILOT_LISTS = (ListKind(FENCE, 70, _ardupilot_fence, whole_polygons), ListKind(RALLY, 46, _ardupilot_rally))

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from sitl_mocks.dialect import mavlink
+from sitl_mocks.fence_rally import FENCE, outside
 from sitl_mocks.px4_modes import Mode
 
 if TYPE_CHECKING:
@@ -86,13 +87,21 @@ class Px4Failsafes:
         elif stage == 2 and action == 2:
             vehicle.fail_to(Mode.LAND, "battery")
 
+    def _outside_areas(self) -> bool:
+        fence = self._vehicle.missions.others[FENCE].items
+        if not fence:
+            return False
+        place = self._vehicle.frame.geo(self._vehicle.airframe.position_m)
+        return outside(fence, place.latitude_deg, place.longitude_deg, of_all=False)
+
     def _watch_fence(self) -> None:
         vehicle, p = self._vehicle, self._vehicle.parameters
         if not vehicle.in_air or vehicle.failsafe == "fence":
             return
         way = vehicle.airframe.position_m - vehicle.home_m
         far, high = p["GF_MAX_HOR_DIST"], p["GF_MAX_VER_DIST"]
-        if not ((far > 0.0 and np.hypot(way[0], way[1]) > far) or (high > 0.0 and way[2] > high)):
+        beyond = (far > 0.0 and np.hypot(way[0], way[1]) > far) or (high > 0.0 and way[2] > high)
+        if not beyond and not self._outside_areas():
             return
         mode = {2: Mode.LOITER, 3: Mode.RTL, 5: Mode.LAND}.get(int(p["GF_ACTION"]))
         if mode is not None:

@@ -1,6 +1,6 @@
 """What a vehicle will hold of an item of its fence or of its list of rally points.
 
-Measured on ArduCopter 4.7 and PX4 1.16/1.17; what a vehicle does not keep, or does not tell, is left out of a comparison:
+Measured on ArduCopter 4.7 and PX4 1.16/1.17. What a vehicle does not keep or tell is left out of a comparison.
 
 | | ArduPilot | PX4 | others |
 | --- | --- | --- | --- |

@@ -1,10 +1,10 @@
 """A scenario's fence and rally points as items for a vehicle.
 
-One height datum: rally points carry their altitude above mean sea level, as the mission does. They go out in frame 0 (MAV_FRAME_GLOBAL):
-PX4 takes frames 5 and 6 but then does not use the point for its return. ArduPilot keeps whole metres, so it is sent whole
-metres. The corners of a fence have no height. `fence.max_height_m` is not among the items: neither autopilot has it there, but in a
-parameter (GF_MAX_VER_DIST, FENCE_ALT_MAX) that is counted from home and also shapes the vehicle's own return; the plan keeps
-below it by itself.
+One height datum: rally points carry their altitude above mean sea level, as the mission does. They go out in frame 0:
+PX4 takes frames 5 and 6 but then does not use the point for its return. ArduPilot keeps whole metres, so it is sent
+whole metres. The corners of a fence have no height. `fence.max_height_m` is not among the items: both autopilots have
+it in a parameter (GF_MAX_VER_DIST, FENCE_ALT_MAX) that is counted from home and shapes the vehicle's own return too;
+the plan keeps below it by itself.
 """
 
 from __future__ import annotations
@@ -26,8 +26,8 @@ if TYPE_CHECKING:
 def fence_items(scenario: Scenario) -> tuple[MissionItem, ...]:
     """The polygons of a scenario's fence, the included ones first; empty without any.
 
-    Each corner is an item whose param1 is the number of its polygon's corners. A corner that only repeats the one before
-    it (as when a polygon is closed by its first corner) is left out: ArduPilot refuses such polygons.
+    Each corner is an item whose param1 is the number of its polygon's corners. A corner that the next one repeats (as
+    when a polygon is closed by its first corner) is left out: ArduPilot refuses such polygons.
     """
     if scenario.fence is None:
         return ()
@@ -62,4 +62,4 @@ def _place(point_m: Sequence[float], anchor: GeoPoint) -> tuple[int, int, float]
 
 
 def _corners(places: Sequence[tuple[int, int]]) -> list[tuple[int, int]]:
-    return [place for k, place in enumerate(places) if place != places[k - 1]]
+    return [place for k, place in enumerate(places) if place != places[(k + 1) % len(places)]]

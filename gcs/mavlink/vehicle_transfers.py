@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Iterable, Sequence
+import contextlib
+from collections.abc import AsyncIterator, Iterable, Sequence
 
 from gcs.core.errors import LinkError, RefusedError
 from gcs.core.frames import GeoPoint
@@ -47,6 +48,7 @@ class VehicleTransfers(VehicleState):
         self._file_numbers: dict[int, SequenceNumbers] = {}
         self._file_lock = asyncio.Lock()
         self._mission_lock = asyncio.Lock()
+        self._absent_lists: set[MissionType] = set()
         self._parameter_lock = asyncio.Lock()
 
     async def upload_mission(self, mission: Mission, progress: Progress | None = None) -> UploadProof:
@@ -79,7 +81,7 @@ class VehicleTransfers(VehicleState):
             LinkError: it does not answer; what it holds is unknown.
         """
         self._demand_list(mission_type)
-        async with self._mission_lock:
+        async with self._mission_lock, self._remembering(mission_type):
             return await self._named(upload_list_and_prove(items, mission_type, self._mission_peer(), progress))
 
     async def download_list(
@@ -87,7 +89,7 @@ class VehicleTransfers(VehicleState):
     ) -> tuple[MissionItem, ...]:
         """Read its fence or its rally points; errors as those of `upload_list`."""
         self._demand_list(mission_type)
-        async with self._mission_lock:
+        async with self._mission_lock, self._remembering(mission_type):
             return await self._named(download(self._mission_peer(), progress, mission_type))
 
     async def clear_list(self, mission_type: MissionType) -> None:
@@ -103,11 +105,24 @@ class VehicleTransfers(VehicleState):
             )
             await self._named(self._channel.run(clear))
 
-    def _demand_list(self, mission_type: MissionType) -> None:
-        """Do not even ask a vehicle that says by its capabilities that it has no such list."""
+    def keeps_list(self, mission_type: MissionType) -> bool:
+        """Whether it keeps such a list, by its capabilities and its answers; True as long as it has not said no."""
         flag = LIST_CAPABILITY.get(mission_type, 0)
-        if self.capabilities is not None and flag and not self.capabilities & flag:
+        by_capabilities = self.capabilities is None or not flag or bool(self.capabilities & flag)
+        return by_capabilities and mission_type not in self._absent_lists
+
+    def _demand_list(self, mission_type: MissionType) -> None:
+        """Do not even ask a vehicle that has said that it has no such list."""
+        if not self.keeps_list(mission_type):
             raise ListUnsupportedError(f"the vehicle keeps no {mission_type.noun}", field=self.identity.name)
+
+    @contextlib.asynccontextmanager
+    async def _remembering(self, mission_type: MissionType) -> AsyncIterator[None]:
+        try:
+            yield
+        except ListUnsupportedError:
+            self._absent_lists.add(mission_type)
+            raise
 
     async def read_parameters(self, names: Iterable[str]) -> dict[str, float | None]:
         """Read parameters by name; None where it did not tell one."""

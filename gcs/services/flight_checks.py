@@ -12,12 +12,14 @@ import numpy as np
 
 from gcs.core.clock import utc_now
 from gcs.core.errors import GcsError, InfeasibleError, LinkError, RefusedError
+from gcs.mavlink.mission_protocol import MissionType
 from gcs.planning.flights.retrace import memory_settings, retrace_problem
 from gcs.planning.flights.ways_home import check_ways_home, return_is_clear
 from gcs.planning.scene.point_distance import SceneDistance
 from gcs.planning.trajectories.stream_loss import slow_for_stream_loss
 from gcs.services import preflight
 from gcs.services.failsafe_checks import OwnWaysOfVehicle, check_failsafes_along
+from gcs.services.fence_rally import check_lists
 from gcs.services.flight_prediction import predict_flights
 from gcs.services.flight_types import PreflightCheck, PreflightReport
 from gcs.services.image_account import scene_position
@@ -29,6 +31,9 @@ if TYPE_CHECKING:
     from collections.abc import Callable
     from pathlib import Path
 
+    from numpy.typing import NDArray
+
+    from gcs.core.fields import Point3
     from gcs.core.flight_law import FlightLaw
     from gcs.core.plan import Plan
     from gcs.core.vehicle import Autopilot, Failsafe, VehicleLimits
@@ -86,7 +91,8 @@ class FlightChecks:
             *self._of_the_moment(vehicle),
             await self._datum(vehicle),
             *preflight.check_limits(self._plan, limits),
-            *await self._ways_home(limits, await vehicle.read_failsafes(), may_raise=True),
+            *await check_lists(self._plan, vehicle, sent=False),
+            *await self._ways_home(vehicle, limits, await vehicle.read_failsafes(), may_raise=True),
         ]
         if self._flight.mode is FlightPath.OFFBOARD:
             checks.append(await self._stream_loss(limits))
@@ -97,6 +103,7 @@ class FlightChecks:
         """Limits, predicted flight, failsafes, ways home; the return altitude is raised where that clears the way."""
         limits = await vehicle.read_limits()
         checks = [*preflight.check_limits(self._plan, limits), *await self._prediction(vehicle, limits)]
+        checks += await check_lists(self._plan, vehicle, sent=False)
         return await self._with_ways_home(vehicle, limits, checks, accepted)
 
     async def before_start(self, vehicle: Vehicle, accepted: tuple[str, ...]) -> CheckedReport:
@@ -107,6 +114,7 @@ class FlightChecks:
             await self._datum(vehicle),
             *preflight.check_limits(self._plan, limits),
             *await self._prediction(vehicle, limits),
+            *await check_lists(self._plan, vehicle, sent=self._flight.mode is FlightPath.MISSION),
         ]
         return await self._with_ways_home(vehicle, limits, checks, accepted)
 
@@ -116,7 +124,7 @@ class FlightChecks:
         checks = [preflight.check_link(vehicle.telemetry, vehicle.last_heard_s, time.monotonic())]
         checks += preflight.check_limits(self._plan, limits)
         checks.append(preflight.check_energy(self._plan, vehicle.telemetry))
-        checks += await self._ways_home(limits, await vehicle.read_failsafes(), may_raise=False)
+        checks += await self._ways_home(vehicle, limits, await vehicle.read_failsafes(), may_raise=False)
         return self._report(checks, accepted)
 
     async def return_is_clear_now(self, vehicle: Vehicle) -> bool:
@@ -143,7 +151,8 @@ class FlightChecks:
         position = np.asarray(scene_position(self._plan, place.value))
         moving = np.zeros(3) if velocity is None else velocity.value
         scene = _scene(self._directory, self._plan.scenario.ground_m)
-        if await asyncio.to_thread(return_is_clear, self._plan, scene, limits.return_flight, position, moving):
+        plan = self._returning_to(vehicle, position)
+        if await asyncio.to_thread(return_is_clear, plan, scene, limits.return_flight, position, moving):
             return True
         problem = await asyncio.to_thread(retrace_problem, self._plan, limits.retrace)
         if problem:
@@ -202,17 +211,17 @@ class FlightChecks:
     ) -> CheckedReport:
         """The last checks of a report; nothing is changed on a vehicle that is refused for another reason."""
         failsafes = await vehicle.read_failsafes()
-        before = await self._ways_home(limits, failsafes, may_raise=True)
+        before = await self._ways_home(vehicle, limits, failsafes, may_raise=True)
         fit = self._report([*checks, *before], accepted).ok
         if fit:
             limits = await self._with_safe_return(vehicle, limits)
-        return self._report([*checks, *await self._ways_home(limits, failsafes, may_raise=not fit)], accepted)
+        return self._report([*checks, *await self._ways_home(vehicle, limits, failsafes, may_raise=not fit)], accepted)
 
     async def _with_safe_return(self, vehicle: Vehicle, limits: VehicleLimits) -> VehicleLimits:
         """Raise the vehicle's return altitude where its return would hit the structure and a higher one does not."""
         if limits.return_altitude_m is None or limits.return_flight is None:
             return limits
-        wanted = _higher(await self._return(limits.return_flight))
+        wanted = _higher(await self._return(vehicle, limits.return_flight))
         if wanted is None:
             return limits
         kept_parameter = await vehicle.set_return_altitude(wanted)
@@ -224,11 +233,11 @@ class FlightChecks:
         return kept
 
     async def _ways_home(
-        self, limits: VehicleLimits, failsafes: tuple[Failsafe, ...], *, may_raise: bool
+        self, vehicle: Vehicle, limits: VehicleLimits, failsafes: tuple[Failsafe, ...], *, may_raise: bool
     ) -> list[PreflightCheck]:
         """Safety rule 7: from everywhere along the plan, what the vehicle does by itself keeps clear."""
         flight = limits.return_flight
-        found = await self._return(flight)
+        found = await self._return(vehicle, flight)
         raised = _higher(found) if may_raise else None
         if raised is not None and flight is not None:
             found = replace(found, blocked_s=found.never_clear_s)
@@ -236,14 +245,14 @@ class FlightChecks:
         settings = await asyncio.to_thread(memory_settings, self._plan, limits.retrace)
         ways = OwnWaysOfVehicle(found, flight is not None, problem, settings, self._plan.trajectory.duration_s)
         checks = check_failsafes_along(failsafes, ways, self._flight.mode)
-        cone = "" if flight is None else await self._cone_note(found, flight)
+        cone = "" if flight is None else await self._cone_note(vehicle, found, flight)
         return [*checks, self._return_check(found, limits, raised, cone)]
 
-    async def _cone_note(self, found: WaysHome, flight: ReturnFlight) -> str:
+    async def _cone_note(self, vehicle: Vehicle, found: WaysHome, flight: ReturnFlight) -> str:
         """What to say where the return is blocked because it climbs less close to home."""
         if flight.cone_slope is None or not found.blocked_s:
             return ""
-        without = await self._return(replace(flight, cone_slope=None))
+        without = await self._return(vehicle, replace(flight, cone_slope=None))
         if _seconds(without.never_clear_s) >= _seconds(found.blocked_s):
             return ""
         return f"; close to home it climbs less, which {flight.no_cone} ends and would clear the way"
@@ -300,9 +309,23 @@ class FlightChecks:
             home_m=scenario.home_m,
         )
 
-    async def _return(self, flight: ReturnFlight | None) -> WaysHome:
-        scene = _scene(self._directory, self._plan.scenario.ground_m)
-        return await asyncio.to_thread(check_ways_home, self._plan, scene, flight)
+    async def _return(self, vehicle: Vehicle, flight: ReturnFlight | None) -> WaysHome:
+        scene, rally_m = _scene(self._directory, self._plan.scenario.ground_m), self._rally_m(vehicle)
+        return await asyncio.to_thread(check_ways_home, self._plan, scene, flight, rally_m=rally_m)
+
+    def _rally_m(self, vehicle: Vehicle) -> tuple[Point3, ...]:
+        """Places that the vehicle knows beside home when it flies: the scenario's, if it keeps any."""
+        return self._plan.scenario.rally_m if vehicle.keeps_list(MissionType.RALLY) else ()
+
+    def _returning_to(self, vehicle: Vehicle, position_m: NDArray[np.float64]) -> Plan:
+        """The plan with its home where a return from here ends: the nearest of home and the rally points."""
+        scenario = self._plan.scenario
+        places = np.asarray([scenario.home_m, *self._rally_m(vehicle)])
+        nearest = int(np.argmin(np.hypot(*(places[:, :2] - position_m[:2]).T)))
+        if nearest == 0:
+            return self._plan
+        x, y = places[nearest, :2]
+        return replace(self._plan, scenario=scenario.model_copy(update={"home_m": (x, y, scenario.home_m[2])}))
 
 
 def _higher(found: WaysHome) -> float | None:

@@ -14,6 +14,7 @@ from gcs.core.clock import new_id, utc_now
 from gcs.core.errors import ConflictError, GcsError, LinkError, RefusedError
 from gcs.mavlink.canonical_form import compare
 from gcs.mavlink.events import VehicleFoundEvent
+from gcs.services.fence_rally import upload_lists
 from gcs.services.flight_checks import FlightChecks
 from gcs.services.flight_log import FlightLogs
 from gcs.services.flight_recorder import ERROR, NOTICE, FlightRecorder
@@ -184,7 +185,7 @@ class FlightControlService:
             recorder.change(proved=False)
             recorder.enter(FlightState.UPLOADING, "sending the mission")
             mission = mission_of_plan(plan, vehicle.identity.autopilot)
-        self._uploads[flight_id] = self._spawn(self._upload(recorder, vehicle, mission))
+        self._uploads[flight_id] = self._spawn(self._upload(recorder, vehicle, plan, mission))
         return recorder.flight
 
     async def on_vehicle(self, flight_id: str) -> OnVehicleMission:
@@ -248,6 +249,9 @@ class FlightControlService:
                     raise RefusedError(
                         "the vehicle no longer holds the plan's mission: upload again", field=flight.vehicle
                     )
+            else:
+                for entry in await upload_lists(plan, vehicle):
+                    recorder.notice(f"{entry.name}: {entry.how}")
             await vehicle.announce_plan(flight.plan_hash)
             run = self._follow(flight, vehicle)
             await run.collector.remember_earlier()
@@ -351,7 +355,7 @@ class FlightControlService:
         recorder.enter(state, how)
         return recorder.flight
 
-    async def _upload(self, recorder: FlightRecorder, vehicle: Vehicle, mission: Mission) -> None:
+    async def _upload(self, recorder: FlightRecorder, vehicle: Vehicle, plan: Plan, mission: Mission) -> None:
         upload = self._database.flights.begin_upload(recorder.flight_id, len(mission.items))
         self._failures.pop(recorder.flight_id, None)
 
@@ -361,6 +365,7 @@ class FlightControlService:
 
         try:
             proof = await vehicle.upload_mission(mission, Told())
+            lists = await upload_lists(plan, vehicle, Told())
         except (GcsError, asyncio.CancelledError) as error:
             self._database.flights.end_upload(upload.id, UploadState.FAILED, problem=str(error) or "cancelled")
             if isinstance(error, GcsError):
@@ -370,16 +375,17 @@ class FlightControlService:
             if isinstance(error, asyncio.CancelledError):
                 raise
             return
+        how = "; ".join([proof.how, *(f"{entry.name}: {entry.how}" for entry in lists)])
         self._database.flights.end_upload(
             upload.id,
             UploadState.PROVED,
             items_read=proof.items_read,
-            how=proof.how,
+            how=how,
             canonical_crc32=proof.canonical_crc32,
             items=proof.items,
         )
         recorder.change(proved=True)
-        recorder.enter(FlightState.UPLOADED, f"proved: {proof.how}")
+        recorder.enter(FlightState.UPLOADED, f"proved: {how}")
 
     def _stream(self, run: FlightRun, offboard: OffboardFlight) -> None:
         run.offboard = offboard

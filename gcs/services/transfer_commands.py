@@ -1,4 +1,4 @@
-"""`gcs upload` and `gcs download`: the mission transfer alone."""
+"""`gcs upload` and `gcs download`: the transfer of mission, fence and rally points alone."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from gcs.core.frames import GeoPoint
 from gcs.core.mission import Mission
 from gcs.mavlink.station import MavlinkStation
 from gcs.planning.scene.point_distance import SceneDistance
+from gcs.services.fence_rally import check_lists, upload_lists
 from gcs.services.flight_prediction import predict_flights
 from gcs.services.mission_files import mission_of_plan, mission_planner_waypoints
 from gcs.services.preflight import check_failsafes, check_limits, check_prediction
@@ -43,7 +44,7 @@ async def connected_vehicle(url: str) -> AsyncIterator[Vehicle]:
 
 
 async def upload_plan(out: Path, url: str, say: Callable[[str], None]) -> dict[str, Any]:
-    """Put the mission of a written plan on a vehicle and prove it.
+    """Put the mission of a written plan on a vehicle and prove it; then its fence and its rally points, if it has any.
 
     The vehicle's limits and failsafes are read first: a plan beyond the limits, or whose predicted flight leaves the
     clearance, is not uploaded; what is unknown or
@@ -70,12 +71,14 @@ async def upload_plan(out: Path, url: str, say: Callable[[str], None]) -> dict[s
         if found is not None:
             checks.append(check_prediction(found, offboard=False))
         checks += check_failsafes(await vehicle.read_failsafes())
+        checks += await check_lists(plan, vehicle, sent=False)
         for check in checks:
             if check.state == "refused":
                 raise RefusedError(f"{check.name}: {check.detail}", field=vehicle.identity.name)
             if check.state != "ok":
                 say(f"{check.state.replace('_', ' ')}: {check.name}: {check.detail}")
         proof = await vehicle.upload_mission(mission)
+        lists = await upload_lists(plan, vehicle)
         return {
             "vehicle": vehicle.identity.name,
             "proved": True,
@@ -83,6 +86,7 @@ async def upload_plan(out: Path, url: str, say: Callable[[str], None]) -> dict[s
             "items_read": proof.items_read,
             "how": proof.how,
             "canonical_crc32": proof.canonical_crc32,
+            "lists": [asdict(entry) for entry in lists],
         }
 
 

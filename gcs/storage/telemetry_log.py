@@ -92,7 +92,7 @@ class TelemetryLog:
         self._closing = threading.Event()
         self._descriptor: int | None = None
         self._length = 0
-        self._block = b""
+        self._block = bytearray()
         self._block_packets = 0
         self._packets = 0
         self._failing = False
@@ -142,14 +142,14 @@ class TelemetryLog:
         """Write one block of whole packets, or leave the file as it was."""
         if not self._block:
             with self._lock:
-                self._block, self._waiting = bytes(self._waiting), bytearray()
+                self._block, self._waiting = self._waiting, bytearray()
                 self._block_packets, self._waiting_packets = self._waiting_packets, 0
         try:
             descriptor = self._opened()
             try:
                 written = 0
                 while written < len(self._block):
-                    written += os.write(descriptor, self._block[written:])
+                    written += os.write(descriptor, memoryview(self._block)[written:])
             except OSError:
                 os.ftruncate(descriptor, self._length)
                 raise
@@ -159,7 +159,7 @@ class TelemetryLog:
         self._length += len(self._block)
         with self._lock:
             self._packets += self._block_packets
-            self._block, self._block_packets = b"", 0
+            self._block, self._block_packets = bytearray(), 0
         if self._failing:
             self._failing = False
             self._tell(f"the telemetry log is written again; packets lost until now: {self._lost}")

@@ -174,5 +174,5 @@ def test_there_is_no_telemetry_log_of_a_flight_that_is_not(client, flight, fligh
     assert client.get(f"/api/flights/{flight_id}/telemetry-log").status_code == 404
 
 
-def test_the_telemetry_log_needs_the_session(flight, outside):
-    assert outside.get(f"/api/flights/{flight['id']}/telemetry-log").status_code == 401
+def test_the_telemetry_log_needs_the_session(outside):
+    assert outside.get("/api/flights/flight-1/telemetry-log").status_code == 401

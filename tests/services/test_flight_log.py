@@ -67,7 +67,7 @@ def boot_times(path):
 
 async def ended(run, vehicle):
     async with asyncio.timeout(10):
-        while vehicle.on_packet is not None or len(run.recorder.lines) < 2:
+        while vehicle.on_packet is not None or len(run.recorder.lines) < 2:  # noqa: ASYNC110 - the log has no events
             await asyncio.sleep(0.01)
 
 

@@ -9,10 +9,11 @@ import pytest
 
 from gcs.core.errors import InputError, LinkError, RefusedError
 from gcs.core.vehicle import Autopilot
+from gcs.mavlink.mission_protocol import MissionType
 from gcs.services import transfer_commands
 from gcs.services.mission_files import mission_of_plan
 from gcs.services.simulation import Simulator, SimulatorOptions
-from gcs.services.transfer_commands import download_mission, upload_plan
+from gcs.services.transfer_commands import connected_vehicle, download_mission, upload_plan
 from gcs.storage.plan_files import read_plan
 
 
@@ -83,6 +84,41 @@ async def test_a_failsafe_that_is_off_is_said(vehicle, box_plan):
     told = []
     assert (await upload_plan(box_plan, url, told.append))["proved"]
     assert any("NAV_DLL_ACT" in line for line in told)
+
+
+@pytest.fixture(scope="module")
+def fenced_plan(tmp_path_factory, box_folder, box_scenario):
+    """The box inside a fence, with a rally point."""
+    import yaml
+
+    from gcs.services.plan_service import plan_to_directory
+
+    square = [[-40, -40], [40, -40], [40, 40], [-40, 40]]
+    given = box_scenario | {"fence": {"include": [square], "max_height_m": 60}, "rally_m": [[-20, 5, 0]]}
+    (box_folder / "fenced.yaml").write_text(yaml.safe_dump(given))
+    out = tmp_path_factory.mktemp("plans") / "fenced"
+    plan_to_directory(box_folder / "fenced.yaml", out)
+    return out
+
+
+@pytest.mark.system
+@pytest.mark.parametrize("kind", ["px4", "ardupilot"])
+async def test_fence_and_rally_points_are_proved_and_never_taken_away(vehicle, box_plan, fenced_plan, kind):
+    url = vehicle(kind, "--loss", "0.1")
+    proof = await upload_plan(fenced_plan, url, lambda line: None)
+    assert [(e["name"], e["proved"], e["items"]) for e in proof["lists"]] == [
+        ("fence", True, 4),
+        ("rally points", True, 1),
+    ]
+    json.dumps(proof)
+    told = []
+    assert (await upload_plan(box_plan, url, told.append))["lists"] == []
+    assert any(line.startswith("needs acceptance: fence: the vehicle holds a fence of 4 items") for line in told)
+    async with connected_vehicle(url) as connected:
+        held = [await connected.download_list(t) for t in (MissionType.FENCE, MissionType.RALLY)]
+        assert [len(items) for items in held] == [4, 1], "what the plan did not bring is left as it is"
+        await connected.clear_list(MissionType.FENCE)
+        assert await connected.download_list(MissionType.FENCE) == ()
 
 
 async def test_nobody_answers(box_plan, monkeypatch):

@@ -200,10 +200,3 @@ def test_a_new_upload_keeps_the_old_index_unless_an_item_is_marked(px4):
     assert px4.of("MISSION_CURRENT", px4.run(1.5))[-1].seq == 1
     px4.send(M.MAVLink_mission_set_current_message(1, 1, 0))
     assert px4.of("MISSION_CURRENT")[-1].seq == 0
-
-
-def test_other_mission_types_are_empty_and_not_taken(px4):
-    (count,) = px4.of("MISSION_COUNT", px4.send(M.MAVLink_mission_request_list_message(1, 1, 1)))
-    assert (count.count, count.mission_type) == (0, 1)
-    (ack,) = px4.of("MISSION_ACK", px4.send(M.MAVLink_mission_count_message(1, 1, 3, 2)))
-    assert (ack.type, ack.mission_type) == (M.MAV_MISSION_UNSUPPORTED, 2)

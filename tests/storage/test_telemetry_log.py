@@ -81,12 +81,16 @@ def read_back(path):
     return messages, reader
 
 
-def wait_for_size(path, size):
+def wait_until(holds):
     for _ in range(2000):
-        if path.is_file() and path.stat().st_size >= size:
+        if holds():
             return
         threading.Event().wait(0.005)
-    raise AssertionError(f"{path} did not reach {size} bytes")
+    raise AssertionError("waited in vain")
+
+
+def wait_for_size(path, size):
+    wait_until(lambda: path.is_file() and path.stat().st_size >= size)
 
 
 def test_pymavlinks_reader_gets_every_packet_of_both_directions_at_its_time(start):
@@ -161,12 +165,12 @@ def test_a_log_goes_on_behind_the_last_whole_packet_of_a_killed_process(start, l
 
 def test_a_full_disk_is_said_once_and_what_fits_later_is_whole(start, said, monkeypatch):
     """The disk takes half a packet and is full; later there is room again."""
-    clock, wire, full, tried = Clock(), Wire(), [True], threading.Event()
-    monkeypatch.setattr(telemetry_log.os, "write", _full_after(20, full, tried, os.write))
+    clock, wire, full = Clock(), Wire(), [True]
+    monkeypatch.setattr(telemetry_log.os, "write", _full_after(20, full, os.write))
     file = start(clock, write_every_s=0.01, max_waiting=500)
     for i in range(3):
         file.record(wire.attitude(i))
-    assert tried.wait(10.0)
+    wait_until(lambda: said)
     for i in range(3, 100):
         file.record(wire.attitude(i))
     full[0] = False
@@ -181,7 +185,7 @@ def test_a_full_disk_is_said_once_and_what_fits_later_is_whole(start, said, monk
     assert "written again" in said[1]
 
 
-def _full_after(room, full, tried, write):
+def _full_after(room, full, write):
     """`os.write` of a disk that takes `room` more bytes and no more while `full` holds."""
     taken = [0]
 
@@ -190,7 +194,6 @@ def _full_after(room, full, tried, write):
             return write(descriptor, data)
         if taken[0] >= room:
             taken[0] = 0
-            tried.set()
             raise OSError(errno.ENOSPC, "No space left on device")
         taken[0] += len(data[:room])
         return write(descriptor, data[:room])

@@ -35,6 +35,7 @@ async def test_unknown_and_old_values_look_so(script: Any, told: Any, page: Page
         await expect(page.get_by_test_id("vehicle-panel")).to_contain_text("42 s ago")
         await expect(page.get_by_test_id("armed")).to_have_attribute("data-stale", "false")
         await expect(page.get_by_test_id("vehicle-link")).to_have_text("heard")
+        await expect(page.get_by_test_id("link-quality")).to_have_text("98 % · 87/s · 42 ms")
         telling.cancel()
         # The station is there but says nothing more of the vehicle: everything of it grows old by itself.
         await expect(page.get_by_test_id("armed")).to_have_attribute("data-stale", "true")
