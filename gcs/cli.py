@@ -114,7 +114,12 @@ def verify(out: Path, points: Path | None) -> None:
 @connect_option
 @click.option("--mode", type=click.Choice(["mission", "offboard"]), default="mission", show_default=True)
 @click.option("--yes", "vehicle_name", metavar="VEHICLE", help="Confirm for the vehicle of this name, without asking.")
-@click.option("--accept", multiple=True, metavar="NAME", help="Accept that this failsafe is switched off (repeatable).")
+@click.option(
+    "--accept",
+    multiple=True,
+    metavar="NAME",
+    help="Accept what a check names: a failsafe that is off, a fence, ... (repeatable).",
+)
 @click.option("--sortie", type=click.IntRange(min=1), help="Of a plan of several. [default: the first not done yet]")
 @click.option("--rest", is_flag=True, help="Only viewpoints without a picture from earlier flights.")
 @data_option

@@ -52,6 +52,9 @@ if TYPE_CHECKING:
 MOST_STAND_OFF_M = 40.0
 """Room about the structure that is searched at most, whatever the camera could see from."""
 
+BACK_BENDS_M = 0.02
+"""How much nearer than the hover itself the curve back into the free space may come."""
+
 MOST_DRIFT_M = 2.0
 """A hovering vehicle that is further than this from where it may be has to be flown clear by hand."""
 
@@ -350,7 +353,8 @@ def _with_drift(scenario: Scenario, scene: Scene, start: NDArray[np.float64]) ->
         return scenario
     safety = scenario.safety
     room = float(scene.distance.distance(start[None])[0]) - scenario.vehicle.radius_m
-    used = min(max(safety.hull_clearance_m - room, 0.0) * (1 + 1e-6), safety.tracking_m)
+    drifted = safety.hull_clearance_m - room
+    used = min(drifted + BACK_BENDS_M, safety.tracking_m) if drifted > 0 else 0.0
     return scenario.model_copy(update={"safety": safety.model_copy(update={"tracking_m": safety.tracking_m - used})})
 
 

@@ -58,7 +58,7 @@ def describe_own_ways(ways: OwnWays, duration_s: float) -> str:
     told = f"during {_covered_s(ways, duration_s):.0f} s of the flight the vehicle's own return would hit the structure"
     if ways.rally_blocked_s is not None and ways.rally_altitude_m is not None:
         seconds = sum(b - a for a, b in ways.rally_blocked_s)
-        told += f" (during {seconds:.0f} s if it knew the rally points, which are not sent to it)"
+        told += f" (during {seconds:.0f} s with the scenario's rally points, which are sent to it)"
     if ways.action is OwnAction.LAND:
         return f"{told}; landing on the spot is clear from everywhere: its failsafes have to land"
     if ways.action is OwnAction.RETRACE:
