@@ -7,7 +7,7 @@ import yaml
 
 from gcs.services.plan_service import plan_to_directory
 from gcs.services.transfer_commands import upload_plan
-from tests.system.conftest import FOUR_POINTS, SCENARIO
+from gcs.storage.plan_files import read_plan
 
 pytestmark = pytest.mark.system
 
@@ -16,10 +16,10 @@ FENCE = [[-60, -60], [120, -60], [120, 60], [-60, 60]]
 
 
 @pytest.fixture(scope="module")
-def fenced_plan(tmp_path_factory):
+def fenced_plan(tmp_path_factory, small_plan):
+    """The small plan's inspection, inside a fence and with a rally point."""
     folder = tmp_path_factory.mktemp("plans")
-    scenario = yaml.safe_load(SCENARIO.read_text())
-    scenario["inspection"] = {"points": list(FOUR_POINTS)}
+    scenario = read_plan(small_plan).scenario.model_dump(mode="json", exclude_none=True)
     scenario["fence"] = {"include": [FENCE]}
     scenario["rally_m"] = [[-30, -20, 0]]
     (folder / "fenced.yaml").write_text(yaml.safe_dump(scenario))

@@ -58,7 +58,7 @@ AS_GOOD = 0.9
 AIMED_PLACES = 4
 """Places that are tried for a target that no candidate shows."""
 
-FIRST_WORK, MOVE_WORK, LAST_WORK = 2e7, 4e7, 1.5e8
+FIRST_WORK, MOVE_WORK, LAST_WORK = 1.5e7, 2.5e7, 1.2e8
 """Updates of a gain in each search for a smaller cover: at first, with the moved views, and on all sides."""
 
 WORK_VIEWS = 100
