@@ -92,6 +92,8 @@ def find_spot_viewpoints(
 ) -> list[ViewpointPose]:
     """A viewpoint for each spot that could be seen and is not: those of the surface leave out a little.
 
+    The position error is allowed for in the GSD where that leaves a place. More places are tried than for a verdict.
+
     Args:
         scenario: with that surface task.
         structure: what hides spots.
@@ -108,20 +110,24 @@ def find_spot_viewpoints(
         The added viewpoints. A spot for which there is no such place stays left out; `judge_spots` tells.
     """
     rng = np.random.default_rng(scenario.planner.seed)
-    furthest = furthest_m - scenario.safety.position_m
+    lengths = (furthest_m - scenario.safety.position_m, furthest_m)
     added: list[ViewpointPose] = []
     tried: set[str] = set()
     while True:
         verdicts = judge_spots(scenario, structure, task, [*poses, *added], space.model.fence, distance, progress)
-        left = [s for s, v in zip(task.spots, verdicts, strict=True) if v == Verdict.LEFT_OUT and s.name not in tried]
+        unseen = [s for s, v in zip(task.spots, verdicts, strict=True) if v not in (Verdict.SEEN, Verdict.OCCLUDED)]
+        left = [s for s in unseen if s.name not in tried]
         if not left:
             return added
         for spot in left:
             tried.add(spot.name)
-            pose = _viewpoint(spot, task, scenario, space, sight, nearest_m, furthest, rng)
+            found = (_viewpoint(spot, task, scenario, space, sight, nearest_m, far, rng) for far in lengths)
+            pose = next((pose for pose in found if pose is not None), None)
             if pose is not None:
                 added.append(pose)
                 break
+        else:
+            return added
 
 
 def _viewpoint(
