@@ -32,7 +32,7 @@ from gcs.planning.variant_advice import variant_advice
 from gcs.planning.views.bound_beside import bound_beside
 from gcs.planning.views.coverage import SAMPLES, certify_coverage
 from gcs.planning.views.viewpoints import find_viewpoints, stand_off_reach
-from gcs.planning.views.viewpoints_spots import judge_spots, spot_counts
+from gcs.planning.views.viewpoints_spots import count_spots
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -418,7 +418,7 @@ def _certified(
                 tour_lower_bound=tour.lower_bound,
                 energy_wh=sum(energies),
                 open_sky=_open_sky_share(scene.space, built),
-                spots=_spots(scenario, structure, scene, viewpoints, progress),
+                spots=count_spots(scenario, structure, viewpoints, scene.space.model.fence, scene.distance, progress),
             )
         except CertificateError as error:
             advice = variant_advice(scenario, tour.legs_m, viewpoints, sorties, scene.distance, scene.space, progress)
@@ -452,16 +452,6 @@ def _visited(number: int, place: int, pose: ViewpointPose | Viewpoint, built: Bu
         yaw_rad=pose.yaw_rad,
         gimbal_pitch_rad=pose.gimbal_pitch_rad,
     )
-
-
-def _spots(
-    scenario: Scenario, structure: Structure, scene: Scene, viewpoints: Sequence[Viewpoint], progress: Progress
-) -> dict[str, int] | None:
-    task = scenario.inspection.surface if scenario.inspection else None
-    if task is None or not task.spots:
-        return None
-    fence = scene.space.model.fence
-    return spot_counts(judge_spots(scenario, structure, task, viewpoints, fence, scene.distance, progress))
 
 
 def _joined(tour: Tour) -> tuple[NDArray[np.float64], NDArray[np.int64]]:

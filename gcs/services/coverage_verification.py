@@ -13,7 +13,7 @@ from gcs.planning.certificates import Check
 from gcs.planning.scene.fence import fence_volume
 from gcs.planning.views.coverage import SAMPLES, certify_coverage
 from gcs.planning.views.viewpoint_pose import gimbal_pitch_range_rad
-from gcs.planning.views.viewpoints_spots import judge_spots, spot_counts
+from gcs.planning.views.viewpoints_spots import count_spots
 
 if TYPE_CHECKING:
     from gcs.core.plan import Plan
@@ -68,11 +68,10 @@ def recheck_coverage(
 
 def _spots(plan: Plan, structure: Structure, distance: SceneDistance) -> list[Check]:
     scenario = plan.scenario
-    task = scenario.inspection.surface if scenario.inspection else None
-    if task is None or not task.spots:
-        return []
     fence = fence_volume(scenario.fence, scenario.vehicle, scenario.safety)
-    found = spot_counts(judge_spots(scenario, structure, task, plan.viewpoints, fence, distance, SilentProgress()))
+    found = count_spots(scenario, structure, plan.viewpoints, fence, distance, SilentProgress())
+    if found is None:
+        return []
     told = plan.certificates.spots or {}
     text = ", ".join(f"{Verdict[label.upper()].words}: {count}" for label, count in sorted(found.items()))
     return [Check("spots", found == told, found.get("seen", 0), told.get("seen", 0), f"spots: {text}")]

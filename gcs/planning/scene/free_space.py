@@ -334,26 +334,37 @@ class FreeSpace:
 
     def _masks(self) -> tuple[NDArray[np.bool_], NDArray[np.bool_], NDArray[np.float64]]:
         """Cells that are free in the tight and in the wide space, and the floor of the open sky."""
-        nx, ny, nz = self.model.distance.shape
-        columns = np.stack(np.meshgrid(np.arange(nx), np.arange(ny), indexing="ij"), axis=-1).reshape(-1, 2)
-        centres = self.centre_of(np.column_stack([columns, np.zeros(len(columns))]))
-        centres[:, 2] = -math.inf  # the height limit is taken below
-        aside = room_in_fence(centres, self.model.fence).reshape(nx, ny)
-        free = self._free_cells(aside, 0.0)
-        wide = self._free_cells(aside, self.reach_m) if self.reach_m > 0 else free
+        free = self.free_cells(self.clearance_m)
+        wide = self.free_cells(self.clearance_m, self.reach_m) if self.reach_m > 0 else free
 
         whole = self.model.distance >= np.float32(self._whole_m)
         covered_from_top = np.argmin(whole[:, :, ::-1], axis=2)
-        clear_cells = np.where(whole.all(axis=2), nz, covered_from_top)
-        floor = self.low_m[2] + (nz - clear_cells) * self.pitch_m
+        layers = whole.shape[2]
+        clear_cells = np.where(whole.all(axis=2), layers, covered_from_top)
+        floor = self.low_m[2] + (layers - clear_cells) * self.pitch_m
         return free, wide, np.where(clear_cells > 0, floor, math.inf)
 
-    def _free_cells(self, aside: NDArray[np.float64], extra_m: float) -> NDArray[np.bool_]:
-        needed, heights = self._needed_m + extra_m, self._heights()
-        low = -math.inf if self.ground_m is None else self.ground_m + self.clearance_m + needed
+    @cached_property
+    def _room_aside_m(self) -> NDArray[np.float64]:
+        """Room to the fence's polygons of each column of cells, shape (nx, ny)."""
+        nx, ny, _ = self.model.distance.shape
+        columns = np.stack(np.meshgrid(np.arange(nx), np.arange(ny), indexing="ij"), axis=-1).reshape(-1, 2)
+        centres = self.centre_of(np.column_stack([columns, np.zeros(len(columns))]))
+        centres[:, 2] = -math.inf  # so that the height limit does not count
+        return room_in_fence(centres, self.model.fence).reshape(nx, ny)
+
+    def free_cells(self, clearance_m: float, reach_m: float = 0.0) -> NDArray[np.bool_]:
+        """Cells that would be free with some clearance, connected with home or not, shape (nx, ny, nz).
+
+        Args:
+            clearance_m: what the centre keeps from surfaces and the ground.
+            reach_m: what it keeps besides, from the fence too.
+        """
+        needed, heights = self._needed_m + reach_m, self._heights()
+        low = -math.inf if self.ground_m is None else self.ground_m + clearance_m + needed
         high = self.model.fence.max_height_m - self.model.fence.margin_m - needed
-        free = self.model.distance >= np.float32(self.clearance_m + needed)
-        free &= (aside >= needed)[:, :, None]
+        free = self.model.distance >= np.float32(clearance_m + needed)
+        free &= (self._room_aside_m >= needed)[:, :, None]
         free &= (heights >= low) & (heights <= high)
         return free
 

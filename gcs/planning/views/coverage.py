@@ -128,9 +128,8 @@ def judge_targets(
     if task is None:
         raise ValueError("the scenario asks for no surface")
     sight = SightLines(structure)
-    reach = scenario.camera.distance_for_gsd(task.gsd_mm / 1000)
-    steepest = math.radians(task.max_incidence_deg)
-    shown = Shown(scenario.camera, reach, steepest, scenario.vehicle.hover_speed_m_s)
+    shown = Shown.as_asked(task, scenario)
+    reach = shown.furthest_m
     sides = Sides(points_m, normals, points_m + lift_m * normals)
     seen = pictured_sides(*sides, viewpoints, shown, sight, progress, STAGE)
     clearance = scenario.centre_clearance_m
@@ -138,7 +137,7 @@ def judge_targets(
     gimbal = scenario.camera.gimbal
     pitch = gimbal_pitch_range_rad(gimbal.pitch_min_deg, gimbal.pitch_max_deg)
     nearest = nearest_sharp_m(scenario.camera, scenario.vehicle, 0.0)
-    limits = PlaceLimits(clearance, nearest, reach, steepest, *pitch, ground)
+    limits = PlaceLimits(clearance, nearest, reach, shown.steepest_rad, *pitch, ground)
     margin = min(reach, MOST_MARGIN_M) + clearance + 2.0
     outer = build_outer_space(
         distance, clearance, structure.bounds_m, margin, poll=lambda: progress.report(STAGE, 0.35)

@@ -15,7 +15,9 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from gcs.core.camera import Camera
+    from gcs.core.inspection import SurfaceTask
     from gcs.core.progress import Progress
+    from gcs.core.scenario import Scenario
     from gcs.planning.scene.visibility import SightLines
 
 Floats = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
@@ -63,6 +65,16 @@ class Shown(NamedTuple):
     furthest_m: float
     steepest_rad: float
     drift_m_s: float
+
+    @classmethod
+    def as_asked(cls, task: SurfaceTask, scenario: Scenario) -> Shown:
+        """What a surface task counts as shown."""
+        return cls(
+            scenario.camera,
+            scenario.camera.distance_for_gsd(task.gsd_mm / 1000),
+            math.radians(task.max_incidence_deg),
+            scenario.vehicle.hover_speed_m_s,
+        )
 
 
 class _Blocks(NamedTuple):

@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from gcs.core.surface_coverage import Verdict
-from gcs.planning.views.coverage import judge_targets
-from gcs.planning.views.coverage_reasons import STEEPEST_SHARE
+from gcs.planning.views.coverage import STAGE, judge_targets
+from gcs.planning.views.coverage_reasons import STEEPEST_SHARE, Sides
+from gcs.planning.views.pictured_sides import Shown, pictured_sides
 from gcs.planning.views.viewpoint_pose import camera_angles, gimbal_pitch_range_rad, pose_towards
 
 if TYPE_CHECKING:
@@ -61,8 +62,7 @@ def judge_spots(
     Returns:
         Values of `Verdict`, in the order of the spots.
     """
-    places = np.array([s.position_m for s in task.spots], dtype=np.float64).reshape(-1, 3)
-    normals = np.array([s.normal for s in task.spots], dtype=np.float64).reshape(-1, 3)
+    places, normals, _ = _sides(task)
     rng = np.random.default_rng(SEED)
     return judge_targets(
         scenario,
@@ -111,23 +111,25 @@ def find_spot_viewpoints(
     """
     rng = np.random.default_rng(scenario.planner.seed)
     lengths = (furthest_m - scenario.safety.position_m, furthest_m)
+    shown, sides = Shown.as_asked(task, scenario), _sides(task)
+    verdicts = judge_spots(scenario, structure, task, poses, space.model.fence, distance, progress)
+    left = ~np.isin(verdicts, (Verdict.SEEN, Verdict.OCCLUDED))
     added: list[ViewpointPose] = []
-    tried: set[str] = set()
-    while True:
-        verdicts = judge_spots(scenario, structure, task, [*poses, *added], space.model.fence, distance, progress)
-        unseen = [s for s, v in zip(task.spots, verdicts, strict=True) if v not in (Verdict.SEEN, Verdict.OCCLUDED)]
-        left = [s for s in unseen if s.name not in tried]
-        if not left:
-            return added
-        for spot in left:
-            tried.add(spot.name)
-            found = (_viewpoint(spot, task, scenario, space, sight, nearest_m, far, rng) for far in lengths)
-            pose = next((pose for pose in found if pose is not None), None)
-            if pose is not None:
-                added.append(pose)
-                break
-        else:
-            return added
+    for number, spot in enumerate(task.spots):
+        if not left[number]:
+            continue
+        found = (_viewpoint(spot, task, scenario, space, sight, nearest_m, far, rng) for far in lengths)
+        pose = next((pose for pose in found if pose is not None), None)
+        if pose is not None:
+            added.append(pose)
+            left &= ~pictured_sides(*sides, [pose], shown, sight, progress, STAGE)
+    return added
+
+
+def _sides(task: SurfaceTask) -> Sides:
+    places = np.array([s.position_m for s in task.spots], dtype=np.float64).reshape(-1, 3)
+    normals = np.array([s.normal for s in task.spots], dtype=np.float64).reshape(-1, 3)
+    return Sides(places, normals, places + SPOT_LIFT_M * normals)
 
 
 def _viewpoint(
@@ -171,6 +173,17 @@ def _outwards(
     return np.asarray(lengths[:, None] * directions)
 
 
-def spot_counts(verdicts: NDArray[np.uint8]) -> dict[str, int]:
-    """How many spots there are of each verdict, by its label."""
+def count_spots(
+    scenario: Scenario,
+    structure: Structure,
+    views: Sequence[View],
+    fence: FenceVolume,
+    distance: SceneDistance,
+    progress: Progress,
+) -> dict[str, int] | None:
+    """How many spots there are of each verdict of `judge_spots`, by its label; None when the scenario names none."""
+    task = scenario.inspection.surface if scenario.inspection else None
+    if task is None or not task.spots:
+        return None
+    verdicts = judge_spots(scenario, structure, task, views, fence, distance, progress)
     return dict(collections.Counter(Verdict(v).label for v in verdicts.tolist()))

@@ -8,7 +8,7 @@ from gcs.core.progress import SilentProgress
 from gcs.core.surface_coverage import Verdict
 from gcs.planning.planner import prepare_scene
 from gcs.planning.scene.visibility import SightLines
-from gcs.planning.views.viewpoints_spots import find_spot_viewpoints, judge_spots, spot_counts
+from gcs.planning.views.viewpoints_spots import count_spots, find_spot_viewpoints, judge_spots
 
 QUIET = SilentProgress()
 EAST = Spot(name="east", position_m=(4.0, 0.0, 12.0), normal=(1.0, 0.0, 0.0))
@@ -65,10 +65,11 @@ def test_one_picture_is_enough_for_two_spots_side_by_side(found):
     assert (verdicts == Verdict.SEEN).all()
 
 
-def test_nothing_is_added_for_spots_that_nobody_can_see(found):
-    added, verdicts = found(INSIDE)
+def test_nothing_is_added_for_spots_that_nobody_can_see(found, asked, scene, tower):
+    added, _ = found(INSIDE)
     assert added == []
-    assert spot_counts(verdicts) == {"occluded": 1}
+    fence = scene.space.model.fence
+    assert count_spots(asked(INSIDE)[1], tower, added, fence, scene.distance, QUIET) == {"occluded": 1}
 
 
 def test_spots_that_are_seen_already_get_no_viewpoint(found, asked, scene, tower):
