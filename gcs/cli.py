@@ -50,25 +50,20 @@ def cli() -> None:
 @click.option("-o", "--out", required=True, type=click.Path(path_type=Path), help="Folder to write the plan into.")
 def plan(scenario: Path, out: Path) -> None:
     """Plan the inspection that SCENARIO (YAML or JSON) asks for."""
-    from gcs.services.plan_service import fleet_to_directory, plan_to_directory
+    from gcs.services.plan_service import plan_to_directory
     from gcs.services.terminal import TerminalProgress
-    from gcs.storage.scenario_files import read_scenario_file
 
-    if read_scenario_file(scenario).vehicle.count > 1:
-        with TerminalProgress() as progress:
-            fleet = fleet_to_directory(scenario, out, progress)
-        for v in fleet.vehicles:
-            views, seconds = len(v.viewpoints), v.end_s - v.start_s
-            click.echo(f"{v.directory}: {views} viewpoints in {seconds:.0f} s from t = {v.start_s:.0f} s on")
-        seen = "" if fleet.coverage is None else f", {fleet.coverage:.1%} of the coverable surface"
-        click.echo(f"{fleet.viewpoints} viewpoints{seen}, all down after {fleet.duration_s:.0f} s")
-        click.echo(f"at least {fleet.min_separation_m:.2f} m between vehicles, {fleet.apart_m:.2f} m asked")
-        click.echo(f"written to {out}")
-        return
     with TerminalProgress() as progress:
         result = plan_to_directory(scenario, out, progress)
+    from gcs.services.plan_writing import WrittenPlan  # there by now
+
     for note in result.notes:
         click.echo(f"note: {note}")
+    if not isinstance(result, WrittenPlan):
+        for line in result.document.lines():
+            click.echo(line)
+        click.echo(f"written to {out}")
+        return
     c = result.plan.certificates
     seen = "" if c.coverage is None else f", {c.coverage:.1%} of the coverable surface"
     least = f" (no choice has fewer than {c.viewpoints_lower_bound:.1f})" if c.viewpoints_lower_bound else ""
@@ -112,13 +107,13 @@ def verify(out: Path, points: Path | None) -> None:
 @cli.command()
 @click.argument("out", type=click.Path(path_type=Path))
 @connect_option
-@click.option("--mode", type=click.Choice(["mission", "offboard"]), default="mission", show_default=True)
+@click.option("--mode", type=click.Choice(["mission", "offboard"]), help="[default: what the prediction of both says]")
 @click.option("--yes", "vehicle_name", metavar="VEHICLE", help="Confirm for the vehicle of this name, without asking.")
 @click.option(
     "--accept",
     multiple=True,
     metavar="NAME",
-    help="Accept what a check names: a failsafe that is off, a fence, ... (repeatable).",
+    help="Accept what a check names: a failsafe that is off, a fence, ...; NAME=VALUE sets a failsafe (repeatable).",
 )
 @click.option("--sortie", type=click.IntRange(min=1), help="Of a plan of several. [default: the first not done yet]")
 @click.option("--rest", is_flag=True, help="Only viewpoints without a picture from earlier flights.")
@@ -127,7 +122,7 @@ def verify(out: Path, points: Path | None) -> None:
 def fly(
     out: Path,
     url: str,
-    mode: str,
+    mode: str | None,
     vehicle_name: str | None,
     accept: tuple[str, ...],
     sortie: int | None,
@@ -202,6 +197,54 @@ def download(url: str, out: Path | None, as_json: bool) -> None:
         click.echo(json.dumps(items))
     else:
         click.echo(text, nl=False)
+
+
+vehicle_option = click.option("--vehicle", required=True, metavar="NAME", help="The vehicle's name, such as px4-1.")
+
+
+@cli.group()
+def signing() -> None:
+    """Sign links (MAVLink 2); keys are kept encrypted with the passphrase in GCS_KEY."""
+
+
+@signing.command("set-up")
+@connect_option
+@vehicle_option
+@click.option("--accept-unsigned", is_flag=True, help="Let unsigned packets in as well.")
+@data_option
+def set_up_signing(url: str, vehicle: str, accept_unsigned: bool, data_dir: Path | None) -> None:
+    """Give a disarmed vehicle a new key, in place of an old one, and prove that it took it.
+
+    The key goes over the link unencrypted: use a link that nobody else can hear, such as a cable.
+    """
+    from gcs.services.signing_commands import give_key
+
+    proof = _run(give_key(url, vehicle, data_dir, rejects_unsigned=not accept_unsigned))
+    click.echo(proof.words)
+    if not proof.proved:
+        raise IncompleteError("signing is not enforced by the vehicle", field=vehicle)
+
+
+@signing.command("remove")
+@connect_option
+@vehicle_option
+@data_option
+def remove_signing(url: str, vehicle: str, data_dir: Path | None) -> None:
+    """Have a disarmed vehicle forget its key."""
+    from gcs.services.signing_commands import take_key_back
+
+    _run(take_key_back(url, vehicle, data_dir))
+    click.echo(f"{vehicle} has no key any more, and takes unsigned packets")
+
+
+@signing.command("list")
+@data_option
+def list_signing(data_dir: Path | None) -> None:
+    """List the links that are signed."""
+    from gcs.services.signing_commands import key_store
+
+    for url in key_store(data_dir).urls():
+        click.echo(url)
 
 
 @cli.command()

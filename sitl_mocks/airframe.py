@@ -79,7 +79,8 @@ class Airframe:
         seed: of the gusts.
         parameters: physical properties.
         battery_wh: capacity of the battery, full at the start.
-        cascade: gains by which setpoints are flown as PX4 flies them; the geometric controller does when None.
+        cascade: gains by which setpoints are flown as autopilots fly them; the geometric controller does when None.
+            Its limit of the tilt counts for everything that is flown.
     """
 
     def __init__(
@@ -108,7 +109,9 @@ class Airframe:
         self._wind = self._gusts.first(self._rng)
         self._packed = self.parameters.packed()
         self._gains = ControllerGains().packed()
-        self._cascade = np.zeros(GAINS_SIZE) if cascade is None else cascade.packed()
+        self._cascade = np.zeros(GAINS_SIZE)
+        if cascade is not None:
+            self.set_cascade(cascade)
         self._memory = np.zeros(MEMORY_SIZE)
         self._limits = limits.packed()
         self.limits = limits
@@ -120,8 +123,9 @@ class Airframe:
             self._limits = limits.packed()
 
     def set_cascade(self, cascade: CascadeGains) -> None:
-        """Fly setpoints with other gains from now on."""
+        """Fly setpoints with other gains from now on, and lean no further than they say."""
         self._cascade = cascade.packed()
+        self._gains = ControllerGains(max_tilt_rad=cascade.max_tilt_rad).packed()
 
     @property
     def position_m(self) -> Array:

@@ -11,6 +11,7 @@ import numpy as np
 from gcs.core.frames import heading_from_yaw, wrap_angle, yaw_from_heading
 from sitl_mocks.airframe import FlightLimits, FlightSetpoint
 from sitl_mocks.ardupilot_failsafes import ArduPilotFailsafes
+from sitl_mocks.ardupilot_files import ArduPilotFiles
 from sitl_mocks.ardupilot_mission_run import ArduPilotMissionRun
 from sitl_mocks.ardupilot_mission_server import ArduPilotMissionServer
 from sitl_mocks.ardupilot_modes import Mode
@@ -18,11 +19,13 @@ from sitl_mocks.ardupilot_parameters import ARDUPILOT_PARAMETERS
 from sitl_mocks.channel import Channel, Stream
 from sitl_mocks.commands import ACCEPTED, DENIED, FAILED, UNSUPPORTED, Command
 from sitl_mocks.dialect import Message, mavlink
+from sitl_mocks.file_server import VirtualFolder
 from sitl_mocks.flight_tasks import DescentProfile, Hold, Land, ReturnAlong, ReturnHome
 from sitl_mocks.mission_items import StoredItem
 from sitl_mocks.mission_server import MissionServer
 from sitl_mocks.parameters import ParameterServer
 from sitl_mocks.path_memory import PathMemory
+from sitl_mocks.position_cascade import CascadeGains
 from sitl_mocks.scene_frame import e7
 from sitl_mocks.setpoints import Setpoint
 from sitl_mocks.vehicle import ACTIVE, CRITICAL, LOGIC_S, STANDBY, SimulatedVehicle
@@ -82,6 +85,9 @@ class ArduPilotVehicle(SimulatedVehicle):
         return ArduPilotMissionServer(
             self.say, self.run.mission_changed, self._home_item, lambda: self.up_s >= _STORAGE_AFTER_S
         )
+
+    def _virtual_folder(self) -> VirtualFolder | None:
+        return ArduPilotFiles(lambda: self.parameters, self.missions.by_type)
 
     def _home_item(self) -> StoredItem:
         if not self.has_position:
@@ -191,6 +197,10 @@ class ArduPilotVehicle(SimulatedVehicle):
             jerk_m_s3=p["WPNAV_JERK"],
             extrapolates_setpoints=True,
         )
+
+    def setpoint_gains(self) -> CascadeGains:
+        """See base class."""
+        return CascadeGains.of_ardupilot(self.parameters)
 
     def descent(self) -> DescentProfile:
         """How it comes down."""
@@ -361,6 +371,7 @@ class ArduPilotVehicle(SimulatedVehicle):
         self._guided = None
         self._guided_idle = True
         self.flight.refresh_limits()
+        self.airframe.set_cascade(self.setpoint_gains())
         self.broadcast(self.heartbeat())  # ArduPilot tells at once
         if mode is Mode.AUTO:
             # On the ground nothing happens before MISSION_START; in the air the mission goes on.

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import replace
 
 from sitl_mocks.dialect import Message, mavlink
@@ -39,6 +40,7 @@ class ArduPilotMissionServer(MissionServer):
 
     ASK_AGAIN_S = 1.0
     GIVE_UP_S = 8.0
+    HOME_IS_ITEM_0 = True
 
     def __init__(
         self,
@@ -49,9 +51,11 @@ class ArduPilotMissionServer(MissionServer):
         kind: ListKind = ARDUPILOT_MISSION,
     ) -> None:
         super().__init__(say, changed, kind)
+        self.by_type: dict[int, ArduPilotMissionServer] = {kind.mission_type: self}
         if kind is ARDUPILOT_MISSION:
-            lists = (ArduPilotMissionServer(say, lambda: None, home, ready, other) for other in ARDUPILOT_LISTS)
-            self.others = {server._kind.mission_type: server for server in lists}
+            for other in ARDUPILOT_LISTS:
+                self.by_type[other.mission_type] = ArduPilotMissionServer(say, lambda: None, home, ready, other)
+            self.others = {number: server for number, server in self.by_type.items() if server is not self}
         self._arriving: list[StoredItem] = []
         self._home = home
         self._ready = ready
@@ -74,6 +78,21 @@ class ArduPilotMissionServer(MissionServer):
         if self._kind is not ARDUPILOT_MISSION:
             return self.items
         return [self._home(), *self.items[1:]] if self.items else []
+
+    def replace_by(self, items: Sequence[StoredItem]) -> bool:
+        """Take the items of a file; False when not all are taken, which leaves those before the refused one."""
+        if self.upload is not None or len(items) > (self._kind.capacity if self._ready() else 0):
+            return False
+        kept: list[StoredItem] = []
+        with suppress(ItemRefused):
+            for item in items:
+                kept.append(self._kind.keep(item))
+        whole = len(kept) == len(items)
+        if self._kind.fit is not None and not (whole and self._kind.fit(kept)):
+            return False
+        self.items = kept
+        self._changed()
+        return whole
 
     def _clear_all_lists(self, peer: Peer, send: Send) -> None:
         send(mavlink.MAVLink_mission_ack_message(*peer, UNSUPPORTED, ALL_LISTS))
@@ -101,6 +120,17 @@ class ArduPilotMissionServer(MissionServer):
             return
         self.upload = Upload(peer, send, message.count, 0, wall_s, wall_s)
         self._ask(self.upload, wall_s)
+
+    def _mission_write_partial_list(self, message: Message, peer: Peer, send: Send, wall_s: float) -> None:
+        first, last = message.start_index, message.end_index
+        if self._kind is not ARDUPILOT_MISSION:
+            self._acknowledge(UNSUPPORTED, peer, send)
+        elif not 0 <= first <= last <= len(self.items):
+            self._acknowledge(ERROR, peer, send)
+            self._say(mavlink.MAV_SEVERITY_WARNING, "Flight plan update rejected")
+        else:
+            self.upload = Upload(peer, send, last + 1, first, wall_s, wall_s)
+            self._ask(self.upload, wall_s)
 
     def _mission_item(self, message: Message, peer: Peer, send: Send, wall_s: float) -> None:
         upload = self.upload
@@ -153,6 +183,9 @@ class ArduPilotMissionServer(MissionServer):
         self._give(message, peer, send, as_float=True)
 
     def _give(self, message: Message, peer: Peer, send: Send, *, as_float: bool) -> None:
+        if self.upload is not None:
+            self._acknowledge(DENIED, peer, send)
+            return
         items = self.stored()
         if message.seq >= len(items):
             self._acknowledge(INVALID_SEQUENCE, peer, send)

@@ -9,7 +9,9 @@ from __future__ import annotations
 from sitl_mocks.parameters import INT8, INT16, INT32, REAL32
 
 ARDUPILOT_PARAMETERS: dict[str, tuple[float, int]] = {
+    "ANGLE_MAX": (3000, INT16),
     "ARMING_CHECK": (1, INT32),
+    "ATC_INPUT_TC": (0.15, REAL32),
     "BATT_CAPACITY": (5850, INT32),
     "BATT_CRT_MAH": (400, REAL32),  # 0 (off) on the real one
     "BATT_FS_CRT_ACT": (1, INT8),  # land; 0 (off) on the real one
@@ -40,8 +42,15 @@ ARDUPILOT_PARAMETERS: dict[str, tuple[float, int]] = {
     "MIS_TOTAL": (0, INT16),
     "MNT1_TYPE": (6, INT8),  # a MAVLink gimbal; 0 (none) on the real one
     "PILOT_TKOFF_ALT": (0.0, REAL32),
+    "PSC_ANGLE_MAX": (0.0, REAL32),
     "PSC_JERK_XY": (10.0, REAL32),  # 5 on the real one
     "PSC_JERK_Z": (10.0, REAL32),  # 5 on the real one
+    "PSC_POSXY_P": (1.0, REAL32),
+    "PSC_POSZ_P": (1.0, REAL32),
+    "PSC_VELXY_D": (0.5, REAL32),
+    "PSC_VELXY_I": (1.0, REAL32),
+    "PSC_VELXY_P": (2.0, REAL32),
+    "PSC_VELZ_P": (5.0, REAL32),
     "RTL_ALT": (1500, INT32),
     "RTL_ALT_FINAL": (0, INT16),
     "RTL_CLIMB_MIN": (0, INT16),

@@ -43,6 +43,18 @@ class CameraFolder:
 
     files: dict[str, bytes] = field(default_factory=dict)
 
+    def content(self, path: str) -> bytes | None:
+        """A file; None when there is none."""
+        return self.files.get(path)
+
+    def entries(self, path: str) -> list[str] | None:
+        """What is in a folder, as a listing has it; None when there is no such folder."""
+        if path == "":
+            return ["DDCIM"]
+        if path != "/DCIM":
+            return None
+        return [f"F{name.rsplit('/', 1)[1]}\t{len(self.files[name])}" for name in sorted(self.files)]
+
 
 class Camera:
     """Takes pictures when told; a command that is sent again takes no second picture.
@@ -54,6 +66,7 @@ class Camera:
         boot_ms: the vehicle's clock.
         announce: called with what the camera has to tell when a picture has been stored.
         taken: called at each exposure.
+        tells_files: whether what it announces names its files.
     """
 
     def __init__(
@@ -65,6 +78,7 @@ class Camera:
         boot_ms: Callable[[], int],
         announce: Callable[[Message | None], None],
         taken: Callable[[Exposure], None] = lambda _: None,
+        tells_files: bool = True,
     ) -> None:
         self._expose = expose
         self._draw = draw
@@ -72,6 +86,7 @@ class Camera:
         self._boot_ms = boot_ms
         self._announce = announce
         self._taken = taken
+        self._tells_files = tells_files
         self._last_sequence = 0
         self._interval_s = 0.0
         self._left = 0
@@ -121,6 +136,10 @@ class Camera:
             self._announce(self.captured_message(shot.exposure.index))
             self._announce(self.status_message())
 
+    def newest_file(self) -> bytes | None:
+        """The newest picture that has been stored."""
+        return self.folder.files[self.shots[self._stored - 1].path] if self._stored else None
+
     def captured_message(self, index: int) -> Message | None:
         """CAMERA_IMAGE_CAPTURED of a picture; None when there is no such picture yet."""
         if not 0 <= index < self._stored:
@@ -138,7 +157,7 @@ class Camera:
             _quaternion(exposure),
             exposure.index,
             1,
-            f"mftp:{shot.path}".encode(),
+            f"mftp:{shot.path}".encode() if self._tells_files else b"",
         )
 
     def status_message(self) -> Message:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import heapq
+import math
 import random
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
@@ -19,16 +20,26 @@ class LinkFaults:
         duplicate: share that comes twice.
         delay_s: each packet is late by a random time up to this (wall time), so that they overtake each other.
         cut: nothing passes.
+        latency_s: each packet takes at least this long.
+        corrupt: share that has a bit flipped.
+        shortened: share that loses its end.
+        bytes_per_s: what the line carries; packets queue for it. 0 for any amount.
+        mavlink_1: the vehicle speaks MAVLink 1.
     """
 
     loss: float = 0.0
     duplicate: float = 0.0
     delay_s: float = 0.0
     cut: bool = False
+    latency_s: float = 0.0
+    corrupt: float = 0.0
+    shortened: float = 0.0
+    bytes_per_s: float = 0.0
+    mavlink_1: bool = False
 
 
 class FaultyPipe:
-    """Passes packets on with loss, doubling and delay, reproducibly.
+    """Passes packets on with loss, doubling, damage and delay, reproducibly.
 
     Args:
         output: where packets go.
@@ -42,6 +53,12 @@ class FaultyPipe:
         self._random = random.Random(seed)
         self._late: list[tuple[float, int, bytes]] = []
         self._number = 0
+        self._line_free_s = -math.inf
+
+    @property
+    def next_s(self) -> float:
+        """Wall time at which the next late packet is due; infinite when there is none."""
+        return self._late[0][0] if self._late else math.inf
 
     def put(self, packet: bytes, wall_s: float) -> None:
         """Take a packet at a wall time."""
@@ -49,17 +66,34 @@ class FaultyPipe:
             return
         copies = 2 if self._random.random() < self._faults.duplicate else 1
         for _ in range(copies):
-            if self._faults.delay_s <= 0.0:
-                self._output(packet)
+            due = self._due_s(len(packet), wall_s)
+            if due <= wall_s:
+                self._output(self._damaged(packet))
                 continue
-            due = wall_s + self._random.random() * self._faults.delay_s
             self._number += 1
-            heapq.heappush(self._late, (due, self._number, packet))
+            heapq.heappush(self._late, (due, self._number, self._damaged(packet)))
 
     def release(self, wall_s: float) -> None:
         """Pass on the late packets whose time has come."""
         while self._late and self._late[0][0] <= wall_s:
             self._output(heapq.heappop(self._late)[2])
+
+    def _due_s(self, size: int, wall_s: float) -> float:
+        faults = self._faults
+        sent_s = wall_s
+        if faults.bytes_per_s > 0.0:
+            sent_s = self._line_free_s = max(self._line_free_s, wall_s) + size / faults.bytes_per_s
+        jitter_s = self._random.random() * faults.delay_s if faults.delay_s > 0.0 else 0.0
+        return sent_s + faults.latency_s + jitter_s
+
+    def _damaged(self, packet: bytes) -> bytes:
+        if self._faults.corrupt and self._random.random() < self._faults.corrupt:
+            place = self._random.randrange(len(packet))
+            flipped = packet[place] ^ (1 << self._random.randrange(8))
+            packet = packet[:place] + bytes([flipped]) + packet[place + 1 :]
+        if self._faults.shortened and self._random.random() < self._faults.shortened:
+            packet = packet[: self._random.randrange(1, len(packet))]
+        return packet
 
 
 class Channel:
@@ -68,26 +102,32 @@ class Channel:
     Args:
         system_id: of the vehicle.
         transmit: takes each packet.
+        faults: of the link, for what the packing itself is to do.
     """
 
-    def __init__(self, system_id: int, transmit: Callable[[bytes], None]) -> None:
+    def __init__(self, system_id: int, transmit: Callable[[bytes], None], faults: LinkFaults | None = None) -> None:
         self._system_id = system_id
         self._transmit = transmit
-        self._packers: dict[int, Message] = {}
+        self._faults = faults if faults is not None else LinkFaults()
+        self._packers: dict[tuple[int, int], Message] = {}
         self._parser = mavlink.MAVLink(None)
         self._parser.robust_parsing = True
+        self.signing = self._parser.signing
+        """What signs and judges on this link (pymavlink's)."""
         self.peer_is_station = False
         """Whether a heartbeat of a ground station (MAV_TYPE_GCS) was heard here."""
         self.streams: dict[int, Stream] = {}
         """Periodic messages asked for or given by default on this link, by message id."""
 
-    def send(self, message: Message, component: int) -> None:
-        """Send a message as one of the vehicle's components."""
-        packer = self._packers.get(component)
+    def send(self, message: Message, component: int, system_id: int | None = None) -> None:
+        """Send a message as one of the vehicle's components, or as one of another vehicle on the same link."""
+        source = (self._system_id if system_id is None else system_id, component)
+        packer = self._packers.get(source)
         if packer is None:
-            packer = mavlink.MAVLink(None, srcSystem=self._system_id, srcComponent=component)
-            self._packers[component] = packer
-        packet = bytes(message.pack(packer))
+            packer = mavlink.MAVLink(None, srcSystem=source[0], srcComponent=source[1])
+            packer.signing = self.signing
+            self._packers[source] = packer
+        packet = bytes(message.pack(packer, force_mavlink1=self._faults.mavlink_1))
         packer.seq = (packer.seq + 1) % 256
         self._transmit(packet)
 

@@ -33,6 +33,14 @@ def _parser() -> argparse.ArgumentParser:
     add("--loss", type=float, default=0.0, help="packet loss each way, 0 to 1 (0)")
     add("--duplicate", type=float, default=0.0, help="share of packets that come twice (0)")
     add("--delay", type=float, default=0.0, help="packets are late by up to this many seconds, at random (0)")
+    add("--latency", type=float, default=0.0, help="packets take at least this many seconds (0)")
+    add(
+        "--fault",
+        action="append",
+        default=[],
+        metavar="NAME",
+        help="switch a fault on (repeatable; a wrong name lists them)",
+    )
     add("--seed", type=int, default=0, help="of sensor noise, gusts and link faults (0)")
     add("--param", action="append", default=[], metavar="NAME=VALUE", help="set a parameter (repeatable)")
     add("--uid", default="", metavar="HEX", help="hardware id for AUTOPILOT_VERSION.uid2, at most 18 bytes")
@@ -40,13 +48,19 @@ def _parser() -> argparse.ArgumentParser:
     add("--wind", default="0,0", metavar="EAST,NORTH[,UP]", help="velocity of the air in m/s (0,0)")
     add("--gusts", type=float, default=0.0, metavar="M_S", help="standard deviation of the wind in m/s, by --seed (0)")
     add("--body", choices=("usual", "sih"), default="usual", help="sih: as much drag as PX4's own simulation (usual)")
+    add("--no-picture-files", action="store_true", help="the camera serves no files: it sends pictures when asked")
     add("--control-port", type=int, metavar="PORT", help="UDP port on loopback for tests; 0 for any free port")
     add("--exit-with-parent", action="store_true", help="end when the process that started this one has ended")
     return parser
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run simulated vehicles; returns the exit status."""
+    """Run simulated vehicles, or `replay` a recorded log; returns the exit status."""
+    arguments = sys.argv[1:] if arguments is None else arguments
+    if arguments[:1] == ["replay"]:
+        from sitl_mocks.replay import main as replay
+
+        return replay(arguments[1:])
     given = _parser().parse_args(arguments)
     try:
         return _run(given)
@@ -57,6 +71,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def _run(given: argparse.Namespace) -> int:
     from sitl_mocks.channel import LinkFaults
+    from sitl_mocks.mission_faults import check_fault
     from sitl_mocks.simulator import Simulator, SimulatorOptions
 
     if not 0.0 < given.speedup <= 100.0:
@@ -83,7 +98,8 @@ def _run(given: argparse.Namespace) -> int:
         home=None if given.home is None else GeoPoint(*_numbers(given.home, "--home", {3})),
         anchor=GeoPoint(*_numbers(given.anchor, "--anchor", {3})),
         structure=given.structure,
-        faults=LinkFaults(given.loss, given.duplicate, given.delay),
+        faults=LinkFaults(given.loss, given.duplicate, given.delay, latency_s=given.latency),
+        named_faults=tuple(check_fault(name) for name in given.fault),
         seed=given.seed,
         parameters=tuple(_parameter(text) for text in given.param),
         uid=_uid(given.uid),
@@ -92,6 +108,7 @@ def _run(given: argparse.Namespace) -> int:
         wind_m_s=(wind[0], wind[1], wind[2] if len(wind) > 2 else 0.0),
         gust_m_s=given.gusts,
         body=given.body,
+        serves_pictures=not given.no_picture_files,
         control_port=given.control_port,
         exit_with_parent=given.exit_with_parent,
     )

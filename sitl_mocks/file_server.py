@@ -1,4 +1,4 @@
-"""MAVLink FTP, the server's side, for a folder that exists in memory.
+"""MAVLink FTP, the server's side, for files that exist in memory.
 
 The payload of FILE_TRANSFER_PROTOCOL is: u16 sequence, u8 session, u8 opcode, u8 size, u8 requested opcode,
 u8 burst complete, u8 padding, u32 offset, then up to 239 bytes of data; little-endian.
@@ -10,25 +10,68 @@ import struct
 import zlib
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Protocol
 
-from sitl_mocks.camera import CameraFolder
 from sitl_mocks.dialect import Message, mavlink
 
 HEADER = struct.Struct("<HBBBBBBI")
 DATA_SIZE = 239
 
-NONE, TERMINATE, RESET, LIST, OPEN_READ, READ = 0, 1, 2, 3, 4, 5
+NONE, TERMINATE, RESET, LIST, OPEN_READ, READ, CREATE, WRITE = 0, 1, 2, 3, 4, 5, 6, 7
 CRC32, BURST = 14, 15
 ACK, NAK = 128, 129
 
 FAIL, INVALID_DATA_SIZE, INVALID_SESSION, NO_SESSIONS, END_OF_FILE, UNKNOWN_COMMAND = 1, 3, 4, 5, 6, 7
 FILE_PROTECTED, NOT_FOUND = 9, 10
-_WRITING = {6, 7, 8, 9, 10, 11, 12, 13}
+_WRITING = {8, 9, 10, 11, 12, 13}
+_LONGEST = 1 << 20
+
+
+class Folder(Protocol):
+    """Files that can be read."""
+
+    def content(self, path: str) -> bytes | None:
+        """A file; None when there is none."""
+        ...
+
+    def entries(self, path: str) -> list[str] | None:
+        """What is in a folder, as a listing has it; None when there is no such folder."""
+        ...
+
+
+class VirtualFolder(Folder, Protocol):
+    """Files that an autopilot makes up, with what follows from that."""
+
+    def takes(self, path: str) -> bool:
+        """Whether a file can be written."""
+        ...
+
+    def written(self, path: str, data: bytes) -> bool:
+        """A file that was written has been closed; False when its content is of no use."""
+        ...
+
+    def announced_size(self, path: str) -> int:
+        """What is told of the size of a file before it has been made up."""
+        ...
+
+    def checksummed(self, path: str) -> bytes | None:
+        """What the checksum is made of."""
+        ...
+
+
+@dataclass
+class _Session:
+    """An open file; `read_size` is the one size in which a made-up file may be read."""
+
+    path: str
+    content: bytearray
+    writing: bool = False
+    read_size: int = 0
 
 
 @dataclass
 class _Burst:
-    """A burst that is being sent."""
+    """A burst that is being sent; `says_end` tells the end of the file besides, as ArduPilot does."""
 
     send: Callable[[Message], None]
     receiver: tuple[int, int]
@@ -37,23 +80,26 @@ class _Burst:
     offset: int
     end: int
     size: int
+    says_end: bool
 
 
 class FileServer:
-    """Serves files read-only.
+    """Serves files to read, and those that an autopilot makes up (their paths begin with @) to write too.
 
     Args:
         folder: the files.
         sessions: how many files can be open at once.
+        virtual: the files that are made up.
     """
 
     BURST_BYTES = 24_000
     """A burst ends after this much, so that a receiver with small buffers keeps up; the client asks for the next."""
     PACKETS_PER_STEP = 12
 
-    def __init__(self, folder: CameraFolder, sessions: int = 2) -> None:
+    def __init__(self, folder: Folder, sessions: int = 2, virtual: VirtualFolder | None = None) -> None:
         self._folder = folder
-        self._open: dict[int, bytes] = {}
+        self._virtual = virtual
+        self._open: dict[int, _Session] = {}
         self._sessions = sessions
         self._bursts: dict[int, _Burst] = {}
         self._last: dict[tuple[int, int], tuple[bytes, bytes]] = {}
@@ -78,6 +124,11 @@ class FileServer:
         self._last[sender] = (request, reply)
         send(_message(sender, reply))
 
+    @property
+    def busy(self) -> bool:
+        """Whether a burst is under way."""
+        return bool(self._bursts)
+
     def step(self) -> None:
         """Send the next packets of running bursts."""
         for session, burst in list(self._bursts.items()):
@@ -88,9 +139,13 @@ class FileServer:
                 packet = _reply(burst.sequence, session, BURST, burst.offset, chunk, complete=complete)
                 burst.send(_message(burst.receiver, packet))
                 burst.offset += len(chunk)
-                if complete:
-                    del self._bursts[session]
-                    break
+                if not complete:
+                    continue
+                del self._bursts[session]
+                if burst.says_end and burst.end == len(burst.data):
+                    end = _reply(burst.sequence + 1, session, BURST, burst.offset, END_OF_FILE, complete=True)
+                    burst.send(_message(burst.receiver, end))
+                break
 
     def _answer(self, opcode: int, session: int, offset: int, size: int, data: bytes) -> tuple[bytes | int, int]:
         """The data of an ACK or the code of a NAK, and the session."""
@@ -98,7 +153,7 @@ class FileServer:
             return b"", session
         if opcode == TERMINATE:
             self._bursts.pop(session, None)
-            return (b"", session) if self._open.pop(session, None) is not None else (INVALID_SESSION, session)
+            return self._close(session), session
         if opcode == RESET:
             self._open.clear()
             self._bursts.clear()
@@ -108,36 +163,83 @@ class FileServer:
         if opcode == OPEN_READ:
             return self._open_read(_path(data))
         if opcode == READ:
-            content = self._open.get(session)
-            if content is None:
-                return INVALID_SESSION, session
-            part = content[offset : offset + min(size or DATA_SIZE, DATA_SIZE)]
-            return (part or END_OF_FILE), session
+            return self._read(session, offset, size), session
+        if opcode == CREATE:
+            return self._create(_path(data))
+        if opcode == WRITE:
+            return self._write(session, offset, data), session
         if opcode == CRC32:
-            content = self._folder.files.get(_path(data))
+            path = _path(data)
+            virtual = self._virtual_of(path)
+            content = self._folder.content(path) if virtual is None else virtual.checksummed(path)
             return (NOT_FOUND if content is None else struct.pack("<I", file_crc32(content))), session
         if opcode in _WRITING:
             return FILE_PROTECTED, session
         return UNKNOWN_COMMAND, session
 
+    def _virtual_of(self, path: str) -> VirtualFolder | None:
+        return self._virtual if path.startswith("@") else None
+
+    def _new_session(self, opened: _Session) -> int | None:
+        session = next((n for n in range(self._sessions) if n not in self._open), None)
+        if session is not None:
+            self._open[session] = opened
+        return session
+
     def _open_read(self, path: str) -> tuple[bytes | int, int]:
-        content = self._folder.files.get(path)
+        virtual = self._virtual_of(path)
+        content = (virtual or self._folder).content(path)
         if content is None:
             return NOT_FOUND, 0
-        session = next((n for n in range(self._sessions) if n not in self._open), None)
+        session = self._new_session(_Session(path, bytearray(content)))
         if session is None:
             return NO_SESSIONS, 0
-        self._open[session] = content
-        return struct.pack("<I", len(content)), session
+        size = len(content) if virtual is None else virtual.announced_size(path)
+        return struct.pack("<I", size), session
+
+    def _read(self, session: int, offset: int, size: int) -> bytes | int:
+        opened = self._open.get(session)
+        if opened is None:
+            return INVALID_SESSION
+        size = min(size or DATA_SIZE, DATA_SIZE)
+        if not self._read_size_fits(opened, size):
+            return FAIL
+        return bytes(opened.content[offset : offset + size]) or END_OF_FILE
+
+    def _read_size_fits(self, opened: _Session, size: int) -> bool:
+        opened.read_size = opened.read_size or size
+        return not opened.writing and (opened.read_size == size or self._virtual_of(opened.path) is None)
+
+    def _create(self, path: str) -> tuple[bytes | int, int]:
+        virtual = self._virtual_of(path)
+        if virtual is None or not virtual.takes(path):
+            return FILE_PROTECTED, 0
+        session = self._new_session(_Session(path, bytearray(), writing=True))
+        return (NO_SESSIONS, 0) if session is None else (b"", session)
+
+    def _write(self, session: int, offset: int, data: bytes) -> bytes | int:
+        opened = self._open.get(session)
+        if opened is None:
+            return INVALID_SESSION
+        if not opened.writing or offset + len(data) > _LONGEST:
+            return FAIL
+        opened.content.extend(bytes(max(0, offset + len(data) - len(opened.content))))
+        opened.content[offset : offset + len(data)] = data
+        return b""
+
+    def _close(self, session: int) -> bytes | int:
+        opened = self._open.pop(session, None)
+        if opened is None:
+            return INVALID_SESSION
+        virtual = self._virtual_of(opened.path)
+        if opened.writing and virtual is not None and not virtual.written(opened.path, bytes(opened.content)):
+            return FAIL
+        return b""
 
     def _list(self, path: str, offset: int) -> bytes | int:
         path = path.rstrip("/")
-        if path == "":
-            entries = ["DDCIM"]
-        elif path == "/DCIM":
-            names = sorted(self._folder.files)
-            entries = [f"F{name.rsplit('/', 1)[1]}\t{len(self._folder.files[name])}" for name in names]
-        else:
+        entries = (self._virtual_of(path) or self._folder).entries(path)
+        if entries is None:
             return NOT_FOUND
         packed = b""
         for entry in entries[offset:]:
@@ -156,14 +258,17 @@ class FileServer:
         offset: int,
         size: int,
     ) -> None:
-        content = self._open.get(session)
-        if content is None or offset >= len(content):
-            code = INVALID_SESSION if content is None else END_OF_FILE
+        opened = self._open.get(session)
+        chunk = min(size, DATA_SIZE) if size > 0 else DATA_SIZE
+        if opened is None or not self._read_size_fits(opened, chunk) or offset >= len(opened.content):
+            code = INVALID_SESSION if opened is None else END_OF_FILE
             send(_message(sender, _reply(sequence + 1, session, BURST, offset, code)))
             return
-        chunk = min(size, DATA_SIZE) if size > 0 else DATA_SIZE
+        content = bytes(opened.content)
         end = min(len(content), offset + self.BURST_BYTES // chunk * chunk)
-        self._bursts[session] = _Burst(send, sender, sequence, content, offset, end, chunk)
+        self._bursts[session] = _Burst(
+            send, sender, sequence, content, offset, end, chunk, self._virtual_of(opened.path) is not None
+        )
 
 
 def file_crc32(content: bytes) -> int:
@@ -173,7 +278,7 @@ def file_crc32(content: bytes) -> int:
 
 def _path(data: bytes) -> str:
     path = data.split(b"\0", 1)[0].decode("utf-8", "replace")
-    return path if path.startswith("/") else "/" + path
+    return path if path.startswith(("/", "@")) else "/" + path
 
 
 def _reply(

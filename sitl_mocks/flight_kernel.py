@@ -4,7 +4,7 @@ The reference is made by one of two sources. The *governor* leads it to a target
 jerk, as the autopilots' own position modes do. The *setpoint* source takes it from the stream of an offboard
 controller. A detour may lift either by a smooth bump. The governor's reference is flown by the geometric controller,
 which is told drag and mean wind, as an autopilot's integrators know them in the long run. Setpoints are flown by the
-same controller, or by PX4's cascade, which has to find out.
+same controller, or by the autopilots' cascade, which has to find out.
 """
 
 from __future__ import annotations
@@ -77,8 +77,8 @@ def fly(
         ground: height of the ground, m.
         p: packed parameters of the quadrotor.
         g: packed gains of the geometric controller.
-        cascade_gains: packed gains of PX4's controller; setpoints are flown by the geometric one if it is off.
-        memory: of PX4's controller.
+        cascade_gains: packed gains of the autopilots' cascade; setpoints are flown by the geometric one if it is off.
+        memory: of the cascade.
 
     Returns:
         Integral of the sum of `thrust**1.5` over the motors, N^1.5 s, from which the battery's use follows.
@@ -95,7 +95,8 @@ def fly(
         elif guidance[SOURCE] == SOURCE_SETPOINT and cascade_gains[ENABLED] > 0.0:
             _follow_setpoint(guidance, limits)
             wish = _lifted(guidance)
-            cascade(state, wish, limits, cascade_gains, memory, STEP_S, reference)
+            clips = limits[CLIP_SETPOINT_SPEED] > 0.0
+            cascade(state, wish, limits, clips, cascade_gains, memory, STEP_S, reference)
             _set_yaw(guidance, reference)
             _note_asked(state, reference, inner, guidance)
             control(state, reference, p, inner, commands)
@@ -110,7 +111,7 @@ def fly(
                 for i in range(3):
                     holding[i] = p[8 + i] / p[0] * (wish[3 + i] - mean_wind[i])
                     reference[6 + i] += holding[i]
-            settle(state, holding, memory)
+            settle(state, wish, cascade_gains, holding, memory)
             _note_asked(state, reference, g, guidance)
             control(state, reference, p, g, commands)
         step_quadrotor(state, commands, wind, STEP_S, p)

@@ -53,7 +53,7 @@ class UdpLink:
         self.socket.setblocking(False)
         self.socket.bind((address[0] if address[0].startswith("127.") else "", 0))
         outward = FaultyPipe(self._transmit, faults, seed)
-        self.channel = Channel(system_id, lambda packet: outward.put(packet, wall()))
+        self.channel = Channel(system_id, lambda packet: outward.put(packet, wall()), faults)
         inward = FaultyPipe(self._take, faults, seed + 1)
         self._pipes = (outward, inward)
         self._inward = inward
@@ -85,6 +85,11 @@ class UdpLink:
     def deliver(self, data: bytes, wall_s: float) -> None:
         """Let the vehicle hear a packet."""
         self._inward.put(data, wall_s)
+
+    @property
+    def next_s(self) -> float:
+        """Wall time at which the next delayed packet is due."""
+        return min(pipe.next_s for pipe in self._pipes)
 
     def release(self, wall_s: float) -> None:
         """Pass on delayed packets."""
@@ -122,7 +127,7 @@ class TcpClient:
         self.socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         self._waiting = bytearray()
         outward = FaultyPipe(self._transmit, faults, seed)
-        self.channel = Channel(system_id, lambda packet: outward.put(packet, wall()))
+        self.channel = Channel(system_id, lambda packet: outward.put(packet, wall()), faults)
         self._faults = faults
         self._outward = outward
         self._receive = receive
@@ -143,6 +148,11 @@ class TcpClient:
             return
         for message in self.channel.receive(data):
             self._receive(message, self.channel)
+
+    @property
+    def next_s(self) -> float:
+        """Wall time at which the next delayed packet is due."""
+        return self._outward.next_s
 
     def release(self, wall_s: float) -> None:
         """Pass on delayed packets and what did not fit into the socket before."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import struct
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 from sitl_mocks.dialect import Message, mavlink
 
@@ -34,7 +34,7 @@ class ItemRefused(Exception):  # noqa: N818 - it is an answer of the protocol, n
 
 @dataclass(frozen=True)
 class StoredItem:
-    """One mission item in MISSION_ITEM_INT terms."""
+    """One mission item in MISSION_ITEM_INT terms; `wire` is what PX4 makes its list's id of."""
 
     frame: int
     command: int
@@ -44,6 +44,7 @@ class StoredItem:
     z: float
     current: int = 0
     autocontinue: int = 1
+    wire: bytes = field(default=b"", compare=False, repr=False)
 
     @property
     def latitude_deg(self) -> float:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -21,6 +22,9 @@ INVALID_SEQUENCE = int(mavlink.MAV_MISSION_INVALID_SEQUENCE)
 DENIED = int(mavlink.MAV_MISSION_DENIED)
 CANCELLED = int(mavlink.MAV_MISSION_OPERATION_CANCELLED)
 
+_LATER_S = 1e-6
+"""Past the end of a timer, whatever rounding does."""
+
 ALL_LISTS = int(mavlink.MAV_MISSION_TYPE_ALL)
 MESSAGES = {
     "MISSION_COUNT",
@@ -31,6 +35,7 @@ MESSAGES = {
     "MISSION_REQUEST_INT",
     "MISSION_ACK",
     "MISSION_CLEAR_ALL",
+    "MISSION_WRITE_PARTIAL_LIST",
 }
 
 
@@ -56,6 +61,10 @@ class MissionServer(ABC):
         changed: called when the stored list has changed.
         kind: which list.
     """
+
+    ASK_AGAIN_S: float
+    GIVE_UP_S: float
+    HOME_IS_ITEM_0 = False
 
     def __init__(self, say: Callable[[int, str], None], changed: Callable[[], None], kind: ListKind) -> None:
         self._say = say
@@ -95,6 +104,25 @@ class MissionServer(ABC):
     @abstractmethod
     def step(self, wall_s: float) -> None:
         """Ask again, or give up, when the peer is silent."""
+
+    @property
+    def next_s(self) -> float:
+        """Wall time at which `step` has something to do; infinite while no upload is under way."""
+        soonest_s = math.inf
+        for server in (self, *self.others.values()):
+            upload = server.upload
+            if upload is not None:
+                soonest_s = min(soonest_s, upload.asked_s + self.ASK_AGAIN_S, upload.heard_s + self.GIVE_UP_S)
+        return soonest_s + _LATER_S
+
+    def list_ids(self) -> tuple[int, ...]:
+        """The opaque ids of mission, fence and rally points, where the vehicle has such."""
+        return ()
+
+    def restart(self) -> None:
+        """The autopilot starts anew: transfers are forgotten, the stored lists are not."""
+        for server in (self, *self.others.values()):
+            server.upload = None
 
     def clear(self) -> None:
         """Forget the list."""

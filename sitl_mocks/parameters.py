@@ -46,6 +46,7 @@ class ParameterServer:
         answers_unknown: Callable[[str], None] | None = None,
     ) -> None:
         self._parameters = {name: Parameter(float(value), kind) for name, (value, kind) in sorted(table.items())}
+        self._defaults = {name: parameter.value for name, parameter in self._parameters.items()}
         self._names = list(self._parameters)
         self._bytewise = bytewise
         self._answers_unknown = answers_unknown
@@ -54,6 +55,10 @@ class ParameterServer:
     def __getitem__(self, name: str) -> float:
         """Value of a parameter."""
         return self._parameters[name].value
+
+    def table(self) -> dict[str, tuple[float, int, float]]:
+        """Value, MAV_PARAM_TYPE and value at the start of all parameters, by name."""
+        return {name: (p.value, p.type, self._defaults[name]) for name, p in self._parameters.items()}
 
     def override(self, name: str, value: float) -> None:
         """Set a parameter before the flight.

@@ -174,7 +174,7 @@ class Px4Vehicle(SimulatedVehicle):
 
     def setpoint_gains(self) -> CascadeGains:
         """See base class."""
-        return CascadeGains.of(self.parameters)
+        return CascadeGains.of_px4(self.parameters)
 
     def descent(self) -> DescentProfile:
         """How it comes down."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import selectors
 import signal
@@ -11,6 +12,7 @@ from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from random import Random
 from typing import Any
 
 import numpy as np
@@ -20,6 +22,7 @@ from sitl_mocks.airframe import Airframe, FlightLimits, FlightSetpoint
 from sitl_mocks.ardupilot import ArduPilotVehicle
 from sitl_mocks.channel import LinkFaults
 from sitl_mocks.control_port import ControlPort
+from sitl_mocks.link_faults import ChangingLink, link_changes
 from sitl_mocks.links import TcpClient, UdpLink, listen, watch
 from sitl_mocks.picture import Exposure, Scene, jpeg, load_scene, render
 from sitl_mocks.px4 import Px4Vehicle
@@ -61,8 +64,10 @@ class SimulatorOptions:
     wind_m_s: tuple[float, float, float] = (0.0, 0.0, 0.0)
     gust_m_s: float = 0.0
     body: str = "usual"
+    serves_pictures: bool = True
     control_port: int | None = None
     exit_with_parent: bool = False
+    named_faults: tuple[str, ...] = ()
 
 
 class Member:
@@ -71,11 +76,13 @@ class Member:
     Args:
         vehicle: it.
         faults: of its links.
+        changes: of these faults.
     """
 
-    def __init__(self, vehicle: SimulatedVehicle, faults: LinkFaults) -> None:
+    def __init__(self, vehicle: SimulatedVehicle, faults: LinkFaults, changes: ChangingLink) -> None:
         self.vehicle = vehicle
         self.faults = faults
+        self.changes = changes
         self.links: list[UdpLink | TcpClient] = []
         self.gone = False
 
@@ -135,10 +142,14 @@ class Simulator:
                 wind_m_s=o.wind_m_s,
                 gust_m_s=o.gust_m_s,
                 body=o.body,
+                serves_pictures=o.serves_pictures,
                 replan=o.replan,
+                faults=o.named_faults,
                 unix_start_s=time.time(),
             )
-            member = Member(KINDS[o.autopilot](options), replace(o.faults))
+            faults = replace(o.faults)
+            changes = ChangingLink(faults, link_changes(o.named_faults, Random(o.seed + i)), self._clock())
+            member = Member(KINDS[o.autopilot](options), faults, changes)
             self._members[system_id] = member
             lines.append(self._open_links(member, i))
         if o.control_port is not None:
@@ -157,10 +168,11 @@ class Simulator:
         next_tick = self._last_s + tick_s
         next_parent_check = self._last_s
         while not self._stopping:
-            self._read(max(0.0, next_tick - self._clock()))
+            self._read(max(0.0, min(next_tick, self._next_release_s()) - self._clock()))
             now = self._clock()
             self._read(0.0)  # no time may pass before what had come in by then is known
             self._deliver()
+            self._release(now)
             if now < next_tick:
                 continue
             next_tick = max(next_tick + tick_s, now)
@@ -168,6 +180,14 @@ class Simulator:
             if o.exit_with_parent and now >= next_parent_check:
                 next_parent_check = now + _PARENT_CHECK_S
                 self._stopping = self._stopping or os.getppid() != self._parent
+
+    def _next_release_s(self) -> float:
+        return min((link.next_s for member in self._members.values() for link in member.links), default=math.inf)
+
+    def _release(self, wall_s: float) -> None:
+        for member in self._members.values():
+            for link in member.links:
+                link.release(wall_s)
 
     def _read(self, timeout_s: float) -> None:
         for key, _ in self._selector.select(timeout_s):
@@ -192,6 +212,7 @@ class Simulator:
         for member in self._members.values():
             if member.gone:
                 continue
+            member.changes.step(wall_s)
             member.vehicle.step(dt_s, wall_s)
             for link in list(member.links):
                 link.release(wall_s)
@@ -318,6 +339,7 @@ class Simulator:
         fresh.parameters = old.parameters
         fresh.missions.keep_from(old.missions)
         fresh.folder.files.update(old.folder.files)
+        fresh.signing_key = old.signing_key
         fresh.airframe.battery.used_wh = old.airframe.battery.used_wh
         for link in member.links:
             link.channel.streams.clear()

@@ -11,6 +11,7 @@ import numpy as np
 
 from gcs.core.frames import heading_from_yaw, ned_from_enu
 from sitl_mocks.dialect import Message, mavlink
+from sitl_mocks.plan_id import MissionCurrentWithIds
 from sitl_mocks.scene_frame import e7
 
 if TYPE_CHECKING:
@@ -236,7 +237,9 @@ class Telemetry:
         return mavlink.MAVLink_extended_sys_state_message(0, self._vehicle.flight.landed_state)
 
     def _mission_current(self) -> Message:
-        return mavlink.MAVLink_mission_current_message(*self._vehicle.mission_current())
+        message = MissionCurrentWithIds(*self._vehicle.mission_current())
+        message.ids = self._vehicle.missions.list_ids()
+        return message
 
     def _autopilot_version(self) -> Message:
         vehicle = self._vehicle

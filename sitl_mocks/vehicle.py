@@ -11,6 +11,7 @@ import math
 import os
 from abc import ABC, abstractmethod
 from collections.abc import Callable
+from random import Random
 
 from sitl_mocks.airframe import BODIES, Airframe, FlightLimits
 from sitl_mocks.camera import Camera, CameraFolder
@@ -24,10 +25,13 @@ from sitl_mocks.commands import (
     command_of_message,
 )
 from sitl_mocks.dialect import AUTOPILOT_COMPONENT, CAMERA_COMPONENT, Message, mavlink
-from sitl_mocks.file_server import FileServer
+from sitl_mocks.file_server import FileServer, VirtualFolder
 from sitl_mocks.flight_control import FlightControl
 from sitl_mocks.flight_kernel import STEP_S
 from sitl_mocks.gimbal import Gimbal
+from sitl_mocks.image_sender import ImageSender
+from sitl_mocks.mission_fault import MissionDoor
+from sitl_mocks.mission_faults import make_faults
 from sitl_mocks.mission_server import MissionServer
 from sitl_mocks.parameters import ParameterServer
 from sitl_mocks.picture import Exposure
@@ -35,6 +39,7 @@ from sitl_mocks.position_cascade import CascadeGains
 from sitl_mocks.replanning import Replanner
 from sitl_mocks.scene_frame import SceneFrame
 from sitl_mocks.setpoints import Setpoint, setpoint_of_message
+from sitl_mocks.signing import VehicleKey
 from sitl_mocks.telemetry import Telemetry
 from sitl_mocks.vehicle_options import Counters, VehicleOptions
 
@@ -93,12 +98,19 @@ class SimulatedVehicle(ABC):
             boot_ms=lambda: self.boot_ms,
             announce=self._announce_picture,
             taken=self._picture_taken,
+            tells_files=options.serves_pictures,
         )
+        self.image_sender = ImageSender(self.camera.newest_file)
         self.files = FileServer(self.folder)
         self.telemetry = Telemetry(self, options.seed)
         self.missions = self._make_mission_server()
+        self._mission_door = MissionDoor(
+            self.missions, make_faults(options.faults, self.missions, Random(options.seed))
+        )
+        self.autopilot_files = FileServer(CameraFolder(), sessions=1, virtual=self._virtual_folder())
         self.replanner = Replanner(self, enabled=options.replan, boot_id=int.from_bytes(os.urandom(4), "little"))
         self.channels: list[Channel] = []
+        self.signing_key = VehicleKey()
         self.counters = Counters()
         self.time_s = 0.0
         self.wall_s = 0.0
@@ -122,13 +134,17 @@ class SimulatedVehicle(ABC):
     @abstractmethod
     def _make_mission_server(self) -> MissionServer: ...
 
+    def _virtual_folder(self) -> VirtualFolder | None:
+        """Files that the autopilot makes up, if any."""
+        return None
+
     @abstractmethod
     def base_limits(self) -> FlightLimits:
         """Limits of the position modes from the parameters."""
 
-    def setpoint_gains(self) -> CascadeGains | None:
-        """Gains by which it flies setpoints as PX4 does; None for a vehicle that tracks them closely."""
-        return None
+    @abstractmethod
+    def setpoint_gains(self) -> CascadeGains:
+        """Gains from the parameters, by which it flies setpoints."""
 
     @abstractmethod
     def heartbeat(self) -> Message:
@@ -225,7 +241,10 @@ class SimulatedVehicle(ABC):
             self.camera.step(self.time_s)
         self.parameters.step()
         self.missions.step(wall_s)
+        self._mission_door.step(wall_s)
         self.files.step()
+        self.autopilot_files.step()
+        self.image_sender.step()
         self.replanner.resend(wall_s)
         self._watch_station(wall_s)
         self._send_streams(wall_s)
@@ -244,6 +263,7 @@ class SimulatedVehicle(ABC):
         """Send on a link from now on."""
         for message_id, rate in self.default_streams().items():
             channel.streams[message_id] = Stream(1.0 / rate, self.time_s)
+        self.signing_key.apply(channel.signing)
         self.channels.append(channel)
 
     def remove_channel(self, channel: Channel) -> None:
@@ -304,8 +324,18 @@ class SimulatedVehicle(ABC):
                     self._station_heard_s = self.wall_s
                     self.station_lost = False
         elif kind == "FILE_TRANSFER_PROTOCOL":
-            if component == CAMERA_COMPONENT:
+            if component == CAMERA_COMPONENT and self.options.serves_pictures:
                 self.files.handle(message, lambda m: channel.send(m, CAMERA_COMPONENT))
+            elif component == AUTOPILOT_COMPONENT:
+                self.autopilot_files.handle(message, lambda m: channel.send(m, AUTOPILOT_COMPONENT))
+        elif kind == "DATA_TRANSMISSION_HANDSHAKE":
+            if not self.options.serves_pictures:
+                self.image_sender.handle(message, lambda m: channel.send(m, CAMERA_COMPONENT), channel)
+        elif kind == "SETUP_SIGNING":
+            if not self.armed:
+                self.signing_key.set_up(message)
+                for each in self.channels:
+                    self.signing_key.apply(each.signing)
         elif kind in {"COMMAND_LONG", "COMMAND_INT"}:
             self._handle_command(message, channel, component)
         elif kind == "TIMESYNC":
@@ -322,10 +352,10 @@ class SimulatedVehicle(ABC):
         return True
 
     def _handle_autopilot(self, kind: str, message: Message, channel: Channel) -> None:
-        def send(reply: Message) -> None:
-            channel.send(reply, AUTOPILOT_COMPONENT)
+        def send(reply: Message, component: int = AUTOPILOT_COMPONENT, system_id: int | None = None) -> None:
+            channel.send(reply, component, system_id)
 
-        if self.missions.handle(message, send, self.wall_s) or self.parameters.handle(message, send, channel):
+        if self._mission_door.handle(message, send, self.wall_s) or self.parameters.handle(message, send, channel):
             return
         if kind == "SET_MODE":
             self._set_mode(message.base_mode, message.custom_mode, 0, channel)

@@ -27,6 +27,8 @@ class VehicleOptions:
         gust_m_s: standard deviation of its horizontal components.
         body: name of its body, one of `airframe.BODIES`.
         replan: leave the path once, upward, and report it.
+        faults: names of faults that are switched on (`mission_faults`).
+        serves_pictures: whether the camera serves its pictures as files; else it sends the newest one packet by packet.
         unix_start_s: UTC at the start of the vehicle's clock.
     """
 
@@ -42,6 +44,8 @@ class VehicleOptions:
     gust_m_s: float = 0.0
     body: str = "usual"
     replan: bool = False
+    faults: tuple[str, ...] = ()
+    serves_pictures: bool = True
     unix_start_s: float = 1_790_000_000.0
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import asdict
 from typing import TYPE_CHECKING, TypeVar
 
 from gcs.api.schemas.base import Box, CableLine, Failure, GeoPosition, Reading
@@ -19,8 +20,18 @@ from gcs.api.schemas.flights import (
     TrackSample,
 )
 from gcs.api.schemas.plans import JobInfo, PlanReport, PlanSummary
+from gcs.api.schemas.predictions import PredictionInfo
 from gcs.api.schemas.structures import NamedPointInfo, StructureDetail, StructureSummary
-from gcs.api.schemas.vehicles import Attitude, Battery, LinkInfo, MissionPosition, VehicleInfo, VehicleMessage
+from gcs.api.schemas.vehicles import (
+    Attitude,
+    Battery,
+    LinkInfo,
+    MissionPosition,
+    SigningInfo,
+    VehicleInfo,
+    VehicleMessage,
+    WayInfo,
+)
 from gcs.core.frames import enu_from_geodetic
 from gcs.core.mission import Frame
 from gcs.services.flight_types import allowed_actions
@@ -32,6 +43,7 @@ if TYPE_CHECKING:
     from gcs.core.mission import MissionItem
     from gcs.core.structure_source import Cable
     from gcs.core.vehicle import Heard
+    from gcs.mavlink.signing import SigningStatus
     from gcs.services.flight_types import OnVehicleMission, PreflightReport
     from gcs.services.plan_service import PlanView
     from gcs.services.structure_service import LoadedStructure, StructureInfo
@@ -131,7 +143,14 @@ def link_info(view: LinkView) -> LinkInfo:
         problem=view.problem,
         messages_per_s=view.messages_per_s,
         peers=list(view.peers),
+        signing=None if view.signing is None else signing_info(view.signing),
     )
+
+
+def signing_info(status: SigningStatus) -> SigningInfo:
+    """How signing of a link goes."""
+    counts = {verdict.name.lower(): count for verdict, count in status.counts.items()}
+    return SigningInfo(rejects_unsigned=status.rejects_unsigned, problem=status.problem, **counts)
 
 
 def vehicle_info(view: VehicleView) -> VehicleInfo:
@@ -156,6 +175,9 @@ def vehicle_info(view: VehicleView) -> VehicleInfo:
         messages_per_s=round(view.link_quality.messages_per_s, 2),
         round_trip_s=None if view.link_quality.round_trip_s is None else round(view.link_quality.round_trip_s, 4),
         flight_id=view.flight_id,
+        id_clash=view.id_clash,
+        mavlink_version=view.mavlink_version,
+        ways=[WayInfo(**asdict(way)) for way in view.ways],
         armed=reading("armed", t.armed, bool),
         mode=reading("mode", t.mode, lambda m: m.value),
         mode_name=reading("mode_name", t.mode_name, str),
@@ -243,7 +265,9 @@ def replan_info(record: ReplanRecord) -> ReplanInfo:
 def preflight_info(report: PreflightReport) -> PreflightInfo:
     """All checks before upload and arming."""
     checks = [PreflightCheck.model_validate(check) for check in report.checks]
-    return PreflightInfo(flight_id=report.flight_id, at=report.at, ok=report.ok, checks=checks)
+    found = report.prediction
+    prediction = None if found is None else PredictionInfo.model_validate(found.as_json())
+    return PreflightInfo(flight_id=report.flight_id, at=report.at, ok=report.ok, checks=checks, prediction=prediction)
 
 
 def on_vehicle_info(mission: OnVehicleMission, anchor: GeoPoint) -> OnVehicle:

@@ -28,7 +28,9 @@ class ArduPilotLaw:
         stream_vertical_jerk_m_s3: PSC_JERK_Z.
         position_gain_s: PSC_POSXY_P.
         velocity_gains_s: proportional (1/s), integral (1/s^2) and derivative gain of PSC_VELXY.
-        max_tilt_rad: ANGLE_MAX.
+        vertical_position_gain_s: PSC_POSZ_P.
+        vertical_velocity_gain_s: PSC_VELZ_P; what PSC_ACCZ adds is quicker than anything here.
+        max_tilt_rad: PSC_ANGLE_MAX, or ANGLE_MAX where that is 0.
         landing_speed_m_s: LAND_SPEED, below 10 m above home.
     """
 
@@ -45,6 +47,8 @@ class ArduPilotLaw:
     stream_vertical_jerk_m_s3: float = 5.0
     position_gain_s: float = 1.0
     velocity_gains_s: tuple[float, float, float] = (2.0, 1.0, 0.5)
+    vertical_position_gain_s: float = 1.0
+    vertical_velocity_gain_s: float = 5.0
     max_tilt_rad: float = math.radians(30.0)
     landing_speed_m_s: float = 0.5
 

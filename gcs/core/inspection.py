@@ -17,6 +17,9 @@ MOST_CELLS = 10_000
 
 MOST_SPOTS = 20_000
 
+MOST_HOLD_S = 600.0
+"""Longest time at one viewpoint that can be asked for."""
+
 SQUARE = math.sin(math.radians(0.5))
 """Sine of the largest error in the right angles of a face."""
 
@@ -62,12 +65,16 @@ class SurfaceTask(Strict):
 
 
 class NamedPoint(Strict):
-    """A point to be photographed, with its outward normal; without a GSD the picture is 3 m wide."""
+    """A point to be photographed, with its outward normal; without a GSD the picture is 3 m wide.
+
+    The vehicle stands still and looks at it for at least `hold_s`, also where it may fly through viewpoints.
+    """
 
     name: str = Field(min_length=1, max_length=80)
     position_m: Point3
     normal: Point3
     gsd_mm: Positive | None = None
+    hold_s: Annotated[float, Field(gt=0, le=MOST_HOLD_S)] | None = None
 
     @field_validator("normal")
     @classmethod

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class Viewpoint:
-    """A place from which one picture is taken, at standstill.
+    """A place from which one picture is taken.
 
     Attributes:
         id: 0-based number in visiting order.
@@ -30,6 +30,8 @@ class Viewpoint:
         time_s: when the picture is taken on the trajectory.
         yaw_rad: vehicle yaw from east, counter-clockwise.
         gimbal_pitch_rad: camera pitch, 0 level, negative down.
+        stops: whether the vehicle stands still there; otherwise the picture is taken in flight.
+        hold_s: how long it stands there and looks at least, when that was asked for; 0 when not.
     """
 
     id: int
@@ -41,6 +43,8 @@ class Viewpoint:
     time_s: float
     yaw_rad: float
     gimbal_pitch_rad: float
+    stops: bool = True
+    hold_s: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -150,7 +154,9 @@ class Plan:
         path_stops: index into `path_m` of home, every viewpoint and home again, shape (len(viewpoints) + 2,).
         corridor_m: low and high corner of each trajectory segment's box, shape (S, 2, 3); where it had to stay, or
             without a corridor (`planner.trajectory`) what holds its control points.
-        trajectory: the curve that is flown, at rest at both ends and at every viewpoint.
+        corridor_planes: of each segment's convex set, outward unit normals and offsets, `normal . p <= offset`, shape
+            (m, 4) each; where the curve had to stay, within the boxes. Empty where the boxes are the corridor.
+        trajectory: the curve that is flown, at rest at both ends and at every viewpoint that it stops at.
         yaw: vehicle yaw over time (from east, counter-clockwise).
         gimbal_pitch: camera pitch over time (0 level, negative down).
         coverage: how the sampled surface is seen, when a surface was asked for.
@@ -179,6 +185,7 @@ class Plan:
     own_ways: OwnWays | None = None
     sorties: tuple[Sortie, ...] = ()
     parts: tuple[Plan, ...] = ()
+    corridor_planes: tuple[NDArray[np.float64], ...] = ()
 
 
 @dataclass(frozen=True)

@@ -124,6 +124,13 @@ class PlannerOptions(Strict):
     `trajectory` is the curve of least snap about the path: through its corners (`plain`), through two points in the
     place of each (`corrected`), through four (`geometric`), or anywhere in a corridor about it. Only a corridor holds
     the curve within safety.corridor_half_width_m of the path; the others are refused where they come too near.
+
+    `corridor` says what such a corridor is made of about each straight: axis-aligned `boxes`; `tubes` that hold each
+    component of the deviation; or `polytopes`, tubes cut by planes where something stands too near.
+
+    `viewpoints` says how pictures are taken: at rest (`stop`), or in flight (`fly_through`) wherever the camera's
+    limits of blur and skew, its shortest interval and the rates of yaw and gimbal allow it and no time is lost by it.
+    That is flown as a stream of setpoints; a mission stops for every picture.
     """
 
     tour: Literal["fast", "genetic", "given"] = "fast"
@@ -131,7 +138,21 @@ class PlannerOptions(Strict):
     mu: NonNegative = 3.0
     k: Positive = 1.0
     trajectory: Literal["plain", "corrected", "geometric", "corridor"] = "corridor"
+    corridor: Literal["boxes", "tubes", "polytopes"] = "boxes"
+    viewpoints: Literal["stop", "fly_through"] = "stop"
     seed: Annotated[int, Field(ge=0)] = 0
+
+    @model_validator(mode="after")
+    def _only_a_corridor_has_a_kind(self) -> Self:
+        if self.corridor != "boxes" and self.trajectory != "corridor":
+            raise ValueError(f"corridor: {self.corridor} needs trajectory: corridor, not {self.trajectory}")
+        return self
+
+    @model_validator(mode="after")
+    def _only_a_corridor_is_flown_through(self) -> Self:
+        if self.viewpoints == "fly_through" and self.trajectory != "corridor":
+            raise ValueError(f"viewpoints: fly_through needs trajectory: corridor, not {self.trajectory}")
+        return self
 
 
 class Scenario(Strict):

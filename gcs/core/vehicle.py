@@ -154,6 +154,8 @@ class VehicleLimits:
         return_flight: how its own return flies.
         retrace: how it remembers the path that it came; None when it cannot fly back along it.
         flight_law: how it flies missions and follows setpoints; None when that is not known.
+        law_defaults: parameters of the flight law that it did not tell: the usual values stand for them.
+        max_tilt_rad: how far its position control leans at most.
     """
 
     max_speed_m_s: float | None
@@ -165,6 +167,8 @@ class VehicleLimits:
     return_flight: ReturnFlight | None = None
     retrace: RetraceMemory | None = None
     flight_law: FlightLaw | None = None
+    law_defaults: tuple[str, ...] = ()
+    max_tilt_rad: float | None = None
 
 
 LAST_BATTERY = "nearly empty battery"

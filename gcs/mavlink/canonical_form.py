@@ -14,6 +14,7 @@ in that form. The rules were measured on ArduCopter 4.7 and PX4 1.16/1.17:
 | yaw (param4) of navigation items | dropped | wrapped to 0-360 deg through radians, NaN kept | |
 | x, y of items without a place | a byte each, where they are kept | kept | |
 | z | whole centimetres | float32 | float32 |
+| rounding when told | last unit of x and y of a place, last bits of a float | the same | the same |
 | autocontinue | 1 | kept | kept |
 | every float | float32 | float32 | float32 |
 
@@ -67,6 +68,10 @@ _ARDUPILOT_KEEPS: dict[int, str] = {
 
 _CENTIMETRE_M = 0.0101
 """ArduPilot cuts z to centimetres after a float32 product, so the last centimetre is not certain."""
+_FLOAT_BITS = 2.0**-21
+"""Relative: what a vehicle that counts in float32 may lose when it tells a number."""
+_PLACE_UNIT = 1
+"""1e-7 deg (1 cm): a vehicle that keeps degrees as floating-point numbers may cut them when it tells them."""
 _YAW_DEG = 0.01
 """PX4 keeps yaw in float32 radians."""
 MOST_TOLD = 5
@@ -81,11 +86,13 @@ class MissionComparison:
         equal: whether every item is the same to the vehicle.
         differences: what differs, in plain words, item by item.
         canonical_crc32: fingerprint of what it should hold, in canonical form.
+        replaceable: numbers of the items that have to be replaced; None where the lists are not of one length.
     """
 
     equal: bool
     differences: tuple[str, ...]
     canonical_crc32: int
+    replaceable: range | None = None
 
     @property
     def summary(self) -> str:
@@ -141,9 +148,14 @@ def compare(
     differences = []
     if len(sent) != len(read):
         differences.append(f"it holds {len(read)} items instead of {len(sent)}")
+    numbers = []
     for a, b in zip(expected, found, strict=False):
-        differences.extend(_differences(a, b, autopilot))
-    return MissionComparison(not differences, tuple(differences), mission_crc32(expected))
+        different = _differences(a, b, autopilot)
+        differences.extend(different)
+        if different:
+            numbers.append(a.sequence)
+    replaceable = range(numbers[0], numbers[-1] + 1) if numbers and len(sent) == len(read) else None
+    return MissionComparison(not differences, tuple(differences), mission_crc32(expected), replaceable)
 
 
 def _ardupilot(item: MissionItem) -> MissionItem:
@@ -188,15 +200,17 @@ def _px4(item: MissionItem) -> MissionItem:
 def _differences(a: MissionItem, b: MissionItem, autopilot: Autopilot) -> list[str]:
     """Differences of two items in canonical form."""
     found = []
+    place = a.command in PLACE_COMMANDS
     yaw = autopilot is Autopilot.PX4 and a.command in _YAW_COMMANDS_PX4
-    z_tolerance = _CENTIMETRE_M if autopilot is Autopilot.ARDUPILOT and a.command in PLACE_COMMANDS else 0.0
+    z_tolerance = _CENTIMETRE_M if autopilot is Autopilot.ARDUPILOT and place else 0.0
+    place_tolerance = _PLACE_UNIT if place else 0
     pairs: list[tuple[str, float, float, float]] = [
         ("sequence", a.sequence, b.sequence, 0.0),
         ("command", a.command, b.command, 0.0),
         ("frame", a.frame, b.frame, 0.0),
         *((f"param{k + 1}", a.params[k], b.params[k], _YAW_DEG if yaw and k == 3 else 0.0) for k in range(4)),
-        ("x", a.x, b.x, 0.0),
-        ("y", a.y, b.y, 0.0),
+        ("x", a.x, b.x, place_tolerance),
+        ("y", a.y, b.y, place_tolerance),
         ("z", a.z, b.z, z_tolerance),
         ("autocontinue", a.autocontinue, b.autocontinue, 0.0),
     ]
@@ -204,7 +218,8 @@ def _differences(a: MissionItem, b: MissionItem, autopilot: Autopilot) -> list[s
         apart = abs(sent - held)
         if yaw and name == "param4":
             apart = min(apart, 360.0 - apart)
-        same = sent == held or (math.isnan(sent) and math.isnan(held)) or apart <= tolerance
+        bits = _FLOAT_BITS * abs(sent) if isinstance(sent, float) and math.isfinite(sent) else 0.0
+        same = sent == held or (math.isnan(sent) and math.isnan(held)) or apart <= tolerance + bits
         if not same:
             found.append(f"item {a.sequence}: {name} is {held:g} instead of {sent:g}")
     return found

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from gcs.core.errors import LinkError, RefusedError
+from gcs.core.errors import LinkError, OperationCancelled, RefusedError
 from gcs.mavlink.autopilots.base import CommandCall
+from gcs.mavlink.command_cancel import CommandCancel
 from gcs.mavlink.dialect import Message, mavlink
 from gcs.mavlink.transaction import Clock, Send, Transaction
 
@@ -122,9 +123,27 @@ class CommandExchange(_Acknowledged):
     """A command that is finished when the vehicle acknowledges it.
 
     IN_PROGRESS prolongs the wait. A resent command carries the count of its sendings, by which the vehicle knows it.
+    Cancelling one that is in progress sends COMMAND_CANCEL; the vehicle need not know that message.
+
+    Args:
+        on_progress: told the share that is done, each time the vehicle tells one.
     """
 
-    _in_progress = False
+    def __init__(
+        self,
+        call: CommandCall,
+        *,
+        target: Target,
+        sender: Target,
+        send: Send,
+        clock: Clock,
+        permit: Callable[[], None] | None = None,
+        on_progress: Callable[[float], None] | None = None,
+    ) -> None:
+        super().__init__(call, target=target, sender=sender, send=send, clock=clock, permit=permit)
+        self._on_progress = on_progress
+        self._in_progress = False
+        self._share: float | None = None
 
     def handle(self, message: Message) -> None:
         """See Transaction."""
@@ -135,6 +154,7 @@ class CommandExchange(_Acknowledged):
         elif message.result == mavlink.MAV_RESULT_IN_PROGRESS:
             self._in_progress = True
             self._deadline = self._clock() + IN_PROGRESS_S
+            self._take_progress(message.progress)
         else:
             self._refuse(message.result)
 
@@ -142,11 +162,31 @@ class CommandExchange(_Acknowledged):
         """See Transaction."""
         name = command_name(self._call.command)
         if self._in_progress:
-            self._fail(NoAnswerError(f"the vehicle began {name}, but did not say that it ended"))
+            share = "" if self._share is None else f" ({self._share:.0%} were done)"
+            self._fail(NoAnswerError(f"the vehicle began {name}, but did not say that it ended{share}"))
         elif self._sent >= ATTEMPTS:
             self._fail(NoAnswerError(f"the vehicle does not answer {name}; check the link"))
         else:
             self._send_once()
+
+    def cancel(self) -> None:
+        """See Transaction."""
+        if self.finished:
+            return
+        if self._in_progress:
+            self._send(CommandCancel(*self._target, self._call.command))
+        self._fail(OperationCancelled(f"{command_name(self._call.command)} was cancelled"))
+
+    def _take_progress(self, percent: int) -> None:
+        """255 is "not known"; 0 is also what vehicles send that do not know the field."""
+        if not 0 < percent <= 100:
+            return
+        self._share = percent / 100
+        if self._on_progress is not None:
+            try:
+                self._on_progress(self._share)
+            except OperationCancelled:
+                self.cancel()
 
 
 class ModeSwitch(_Acknowledged):

@@ -15,7 +15,10 @@ from gcs.core.vehicle import FlightMode, ImageReport, ReplanReport, StatusText, 
 
 @dataclass(frozen=True)
 class TelemetryEvent:
-    """Something of the telemetry changed; a slow reader gets the newest only."""
+    """Something of the telemetry changed; a slow reader gets the newest only.
+
+    Told to those who read the vehicle's own events, since telemetry is decoded when it is looked at.
+    """
 
     telemetry: Telemetry
 
@@ -86,6 +89,13 @@ class LinkBackEvent:
 
 
 @dataclass(frozen=True)
+class IdClashEvent:
+    """Two vehicles use its system id (`reason` says how that shows), or one does so no more (None)."""
+
+    reason: str | None
+
+
+@dataclass(frozen=True)
 class PilotTookOverEvent:
     """The mode changed without a command of the station, which keeps its hands off until an operator takes back."""
 
@@ -102,6 +112,7 @@ class OffboardEnd(Enum):
     DISARMED = "the vehicle is disarmed"
     DEADMAN = "its owner stopped feeding it"
     LINK_LOST = "the vehicle is not heard any more"
+    ID_CLASH = "two vehicles use its system id"
     SOURCE_FAILED = "its source of setpoints failed"
 
 
@@ -124,6 +135,7 @@ VehicleEvent: TypeAlias = (
     | ItemReachedEvent
     | LinkLostEvent
     | LinkBackEvent
+    | IdClashEvent
     | PilotTookOverEvent
     | OffboardEndedEvent
 )
@@ -157,6 +169,11 @@ class EventStream(Generic[T]):
     def __init__(self, replaces: Callable[[T, T], bool] | None = None) -> None:
         self._readers: list[tuple[deque[T], asyncio.Event]] = []
         self._replaces = replaces
+
+    @property
+    def has_readers(self) -> bool:
+        """Whether anybody hears."""
+        return bool(self._readers)
 
     def publish(self, event: T) -> None:
         """Hand out an event; to be called in the event loop."""

@@ -1,18 +1,31 @@
 """MAVLink frames from untrusted bytes.
 
 pymavlink's own buffer throws a whole claimed frame away when its checksum is wrong, and real frames inside it with it.
-Here the search goes on right behind the false marker, so that garbage costs nothing but itself.
+Here the search goes on right behind the false marker, so that garbage costs nothing but itself. Only the header is read
+and the checksum taken; fields are unpacked when somebody asks for them (`received_message`).
 """
 
 from __future__ import annotations
 
-import struct
+import re
+
+import fastcrc
 
 from gcs.mavlink.dialect import Message, mavlink
+from gcs.mavlink.received_message import (
+    CHECKSUM,
+    CHECKSUM_EXTRAS,
+    HEADER_V1,
+    HEADER_V2,
+    MARKER_V1,
+    MARKER_V2,
+    SIGNATURE,
+    SIGNED,
+    ReceivedMessage,
+)
 
-MARKER_V1 = 0xFE
-MARKER_V2 = 0xFD
-SIGNED = 0x01
+_checksum = fastcrc.crc16.mcrf4xx
+_MARKERS = re.compile(b"[\xfd\xfe]")
 
 
 class FrameParser:
@@ -24,69 +37,80 @@ class FrameParser:
     """
 
     def __init__(self) -> None:
-        self._buffer = bytearray()
-        self._codec = mavlink.MAVLink(None)
+        self._rest = b""
         self.bad_bytes = 0
         self.unknown_messages = 0
 
-    def feed(self, data: bytes) -> list[Message]:
+    def feed(self, data: bytes) -> list[ReceivedMessage]:
         """Take bytes as they came; returns the messages that are complete now."""
-        self._buffer += data
-        messages: list[Message] = []
-        start = 0
-        while True:
-            start = self._skip_to_marker(start)
-            length = self._frame_length(start)
-            if length is None or len(self._buffer) - start < length:
+        if self._rest:
+            data = self._rest + data
+        messages: list[ReceivedMessage] = []
+        start, size = 0, len(data)
+        while start < size:
+            if data[start] not in (MARKER_V2, MARKER_V1):
+                start = self._next_marker(data, start)
+                continue
+            length = _frame_length(data, start)
+            if length is None or size - start < length:
                 break
-            message = self._decode(start, length)
-            if message is None:
+            frame = data if length == size else data[start : start + length]
+            message = _message(frame)
+            if message is not None:
+                messages.append(message)
+                start += length
+            elif _is_unknown(frame) and self._followed_well(data, start + length):
+                self.unknown_messages += 1
+                start += length
+            else:
                 self.bad_bytes += 1
                 start += 1
-                continue
-            start += length
-            if message.get_msgId() < 0:
-                self.unknown_messages += 1
-            else:
-                messages.append(message)
-        del self._buffer[:start]
+        self._rest = data[start:]
         return messages
 
-    def _skip_to_marker(self, start: int) -> int:
-        buffer = self._buffer
-        position = start
-        while position < len(buffer) and buffer[position] not in (MARKER_V1, MARKER_V2):
-            position += 1
+    def _next_marker(self, data: bytes, start: int) -> int:
+        found = _MARKERS.search(data, start)
+        position = len(data) if found is None else found.start()
         self.bad_bytes += position - start
         return position
 
-    def _frame_length(self, start: int) -> int | None:
-        """Length of the frame that is claimed at `start`; None while its head is incomplete."""
-        if len(self._buffer) - start < 3:
-            return None
-        marker, payload, flags = self._buffer[start : start + 3]
-        if marker == MARKER_V1:
-            return int(payload) + 8
-        return int(payload) + 12 + (13 if flags & SIGNED else 0)
-
-    def _decode(self, start: int, length: int) -> Message | None:
-        frame = self._buffer[start : start + length]
-        if frame[0] == MARKER_V2:
-            if frame[2] & ~SIGNED:
-                return None
-            number = frame[7] | frame[8] << 8 | frame[9] << 16
-        else:
-            number = frame[5]
-        if number not in mavlink.mavlink_map:
-            return mavlink.MAVLink_unknown(number, bytes(frame)) if self._followed_well(start + length) else None
-        try:
-            return self._codec.decode(frame)
-        except (mavlink.MAVError, struct.error, ValueError, TypeError, IndexError):
-            return None
-
-    def _followed_well(self, after: int) -> bool:
+    @staticmethod
+    def _followed_well(data: bytes, after: int) -> bool:
         """The checksum of an unknown message cannot be checked: what follows must look like a frame, or be the end."""
-        return after >= len(self._buffer) or self._buffer[after] in (MARKER_V1, MARKER_V2)
+        return after >= len(data) or data[after] in (MARKER_V1, MARKER_V2)
+
+
+def _frame_length(data: bytes, start: int) -> int | None:
+    """Length of the frame that is claimed at `start`; None while its head is incomplete."""
+    if len(data) - start < 3:
+        return None
+    if data[start] == MARKER_V1:
+        return data[start + 1] + HEADER_V1 + CHECKSUM
+    return data[start + 1] + HEADER_V2 + CHECKSUM + (SIGNATURE if data[start + 2] & SIGNED else 0)
+
+
+def _message(frame: bytes) -> ReceivedMessage | None:
+    """The message of a frame; None when the dialect lacks it, its checksum is wrong, or it asks for what is unknown."""
+    end = frame[1]
+    if frame[0] == MARKER_V2:
+        if frame[2] & ~SIGNED:
+            return None
+        end += HEADER_V2
+        number = frame[7] | frame[8] << 8 | frame[9] << 16
+        sequence, system_id, component_id = frame[4], frame[5], frame[6]
+    else:
+        end += HEADER_V1
+        sequence, system_id, component_id, number = frame[2], frame[3], frame[4], frame[5]
+    extra = CHECKSUM_EXTRAS.get(number)
+    if extra is None or _checksum(frame[1:end] + extra) != frame[end] | frame[end + 1] << 8:
+        return None
+    return ReceivedMessage(frame, number, sequence, system_id, component_id)
+
+
+def _is_unknown(frame: bytes) -> bool:
+    if frame[0] == MARKER_V1:
+        return frame[5] not in CHECKSUM_EXTRAS
+    return not frame[2] & ~SIGNED and frame[7] | frame[8] << 8 | frame[9] << 16 not in CHECKSUM_EXTRAS
 
 
 class FramePacker:

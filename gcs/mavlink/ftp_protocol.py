@@ -30,6 +30,8 @@ class Opcode(IntEnum):
     LIST_DIRECTORY = 3
     OPEN_FILE_RO = 4
     READ_FILE = 5
+    CREATE_FILE = 6
+    WRITE_FILE = 7
     CALC_FILE_CRC32 = 14
     BURST_READ_FILE = 15
     ACK = 128

@@ -16,6 +16,8 @@ R = TypeVar("R")
 TIMEOUT_S = 0.25
 LONGEST_TIMEOUT_S = 1.5
 TRIES = 15
+TRIES_FIRST = 6
+"""For the first request where there is another way to get what is wanted."""
 
 
 class FtpTransaction(Transaction[R]):
@@ -47,6 +49,7 @@ class FtpTransaction(Transaction[R]):
         self._pending: FtpPayload | None = None
         self._sent_at = 0.0
         self._tries = 0
+        self._most_tries = TRIES
         self._patience = 1.0
         self._round_trip = RoundTrip(TIMEOUT_S, LONGEST_TIMEOUT_S)
 
@@ -84,7 +87,7 @@ class FtpTransaction(Transaction[R]):
         if self.finished or self._pending is None:
             return
         self._tries += 1
-        if self._tries >= TRIES:
+        if self._tries >= self._most_tries:
             self._unanswered(self._pending)
         else:
             self._put(self._pending)

@@ -17,6 +17,8 @@ from gcs.core.errors import LinkError
 from gcs.mavlink.dialect import Message
 from gcs.mavlink.framing import FramePacker, FrameParser
 from gcs.mavlink.link_url import LinkAddress
+from gcs.mavlink.received_message import ReceivedMessage
+from gcs.mavlink.signing import LinkSigning
 from gcs.mavlink.transaction import Clock
 
 CONNECT_S = 5.0
@@ -31,23 +33,38 @@ class Peer:
         heard_at: station time of its last good message; None when it was never heard.
     """
 
-    def __init__(self, name: str, write: Callable[[bytes], None], packer: FramePacker) -> None:
+    def __init__(
+        self,
+        name: str,
+        write: Callable[[bytes], None],
+        packer: FramePacker,
+        signing: Callable[[], LinkSigning | None] = lambda: None,
+    ) -> None:
         self.name = name
         self.heard_at: float | None = None
         self.parser = FrameParser()
         self._write = write
         self._packer = packer
+        self._signing = signing
         self._lock = threading.Lock()
 
     def send(self, message: Message) -> bytes:
-        """Number, pack and send; like any message it may get lost. Returns the packet."""
+        """Number, pack, sign where the link is signed, and send; it may get lost. Returns the packet."""
+        signing = self._signing()
         with self._lock:
             packet = self._packer.pack(message)
+            if signing is not None:
+                packet = signing.sign(packet)
             self._write(packet)
         return packet
 
+    def send_unsigned(self, message: Message) -> None:
+        """Send as somebody without the key would."""
+        with self._lock:
+            self._write(self._packer.pack(message))
 
-OnMessage: TypeAlias = Callable[["Link", Peer, Message], None]
+
+OnMessage: TypeAlias = Callable[["Link", Peer, ReceivedMessage], None]
 
 
 class Link(ABC):
@@ -65,6 +82,10 @@ class Link(ABC):
         self._own = own
         self._on_message = on_message
         self._clock = clock
+        self.messages = 0
+        """Heard since it was opened, and let in."""
+        self.signing: LinkSigning | None = None
+        """Signs what goes out and judges what comes in; None while the link is not signed."""
 
     @property
     def url(self) -> str:
@@ -94,12 +115,16 @@ class Link(ABC):
         """Close it; nothing is sent or heard afterwards."""
 
     def _new_peer(self, name: str, write: Callable[[bytes], None]) -> Peer:
-        return Peer(name, write, FramePacker(*self._own))
+        return Peer(name, write, FramePacker(*self._own), lambda: self.signing)
 
-    def _take(self, peer: Peer, messages: list[Message]) -> None:
-        for message in messages:
+    def _take(self, peer: Peer, messages: list[ReceivedMessage]) -> None:
+        if messages:
             peer.heard_at = self._clock()
-            self._on_message(self, peer, message)
+        signing = self.signing
+        for message in messages:
+            if signing is None or signing.admits(message):
+                self.messages += 1
+                self._on_message(self, peer, message)
 
 
 async def resolve(address: LinkAddress, kind: socket.SocketKind) -> tuple[socket.AddressFamily, SocketAddress]:

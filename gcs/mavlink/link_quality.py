@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from statistics import median
 
 WINDOW_S = 10.0
+SLICE_S = 0.1
 RESTART_GAP = 128
 QUESTIONS_OPEN = 16
 ROUND_TRIPS_KEPT = 32
@@ -32,8 +33,8 @@ class SequenceMeter:
 
     def __init__(self) -> None:
         self._last: dict[int, int] = {}
-        self._heard: deque[tuple[float, int]] = deque()
-        self._lost = 0
+        self._slices: deque[_Slice] = deque()
+        self._heard = self._lost = 0
         self._since: float | None = None
 
     def count(self, component_id: int, sequence: int, now_s: float) -> None:
@@ -41,30 +42,50 @@ class SequenceMeter:
 
         A message that comes twice or late (a gap of more than half the circle) counts as heard and ends no gap.
         """
-        if self._since is None:
-            self._since = now_s
         last = self._last.get(component_id)
         gap = 0 if last is None else (sequence - last - 1) % 256
         if gap >= RESTART_GAP:
             gap = 0
         else:
             self._last[component_id] = sequence
-        self._heard.append((now_s, gap))
+        slices = self._slices
+        if not slices or now_s - slices[-1].since_s >= SLICE_S:
+            if self._since is None:
+                self._since = now_s
+            slices.append(_Slice(now_s))
+            self._forget(now_s)
+        newest = slices[-1]
+        newest.heard += 1
+        newest.lost += gap
+        self._heard += 1
         self._lost += gap
-        self._forget(now_s)
+
+    def restart(self) -> None:
+        """The messages come another way from now on, on which they have other numbers."""
+        self._last.clear()
 
     def quality(self, now_s: float) -> LinkQuality:
         """The quality over the window that ends now."""
         self._forget(now_s)
-        heard = len(self._heard)
-        if self._since is None or heard == 0:
+        if self._since is None or self._heard == 0:
             return LinkQuality(0.0, None)
         span = min(WINDOW_S, max(now_s - self._since, 1.0))
-        return LinkQuality(heard / span, self._lost / (heard + self._lost))
+        return LinkQuality(self._heard / span, self._lost / (self._heard + self._lost))
 
     def _forget(self, now_s: float) -> None:
-        while self._heard and self._heard[0][0] < now_s - WINDOW_S:
-            self._lost -= self._heard.popleft()[1]
+        while self._slices and self._slices[0].since_s < now_s - WINDOW_S:
+            old = self._slices.popleft()
+            self._heard -= old.heard
+            self._lost -= old.lost
+
+
+@dataclass
+class _Slice:
+    """What was heard in a tenth of a second; counts of slices instead of single messages keep a flood small."""
+
+    since_s: float
+    heard: int = 0
+    lost: int = 0
 
 
 class RoundTripMeter:

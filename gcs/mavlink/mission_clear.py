@@ -17,12 +17,13 @@ class MissionClear(MissionTransaction[None]):
     """
 
     _tries = 0
+    _begun_at = 0.0
     _refusal: int | None = None
 
     def start(self) -> None:
         """Send the request."""
-        self._send(mavlink.MAVLink_mission_clear_all_message(*self._target, self._mission_type))
-        self._deadline = self._clock() + self._timing.general_s
+        self._begun_at = self._clock()
+        self._ask()
 
     def handle(self, message: Message) -> None:
         """Take the acknowledgement."""
@@ -37,14 +38,18 @@ class MissionClear(MissionTransaction[None]):
         """Send it again, or give up."""
         if self.finished:
             return
-        self._tries += 1
         noun = self._mission_type.noun
-        if self._tries < self._timing.tries:
-            self.start()
+        if self._clock() - self._begun_at <= self._timing.opening_in_all_s:
+            self._ask()
         elif self._refusal is not None:
             self._fail(RefusedError(f"the vehicle does not clear its {noun}: {result_words(self._refusal)}"))
         else:
             self._fail(LinkError(f"no answer to clearing the {noun}; whether it was cleared is unknown"))
+
+    def _ask(self) -> None:
+        self._send(mavlink.MAVLink_mission_clear_all_message(*self._target, self._mission_type))
+        self._deadline = self._clock() + self._opening_timeout_s(self._tries)
+        self._tries += 1
 
     def cancel(self) -> None:
         """Stop asking."""

@@ -2,7 +2,9 @@
 
 Altitudes are above mean sea level throughout, so that a mission has one height datum. At every viewpoint the vehicle
 stops and holds, the gimbal and the heading are commanded, a delay lets both settle, one picture is taken, and a short
-delay lets it be taken at rest:
+delay lets it be taken at rest. That is so at viewpoints that the plan flies through, too: an item behind a waypoint
+runs when the waypoint is accepted, somewhere within its radius and with the nose already turning to the next one, so
+that nothing would say where and which way the picture is taken.
 
 | | PX4 and others | ArduPilot |
 | --- | --- | --- |
@@ -24,7 +26,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from gcs.core.errors import RefusedError
 from gcs.core.frames import geodetic_from_enu, heading_from_yaw
 from gcs.core.mission import Command, Frame, Mission, MissionItem
 from gcs.core.vehicle import Autopilot
@@ -51,14 +52,11 @@ class MissionLimits:
     """What the vehicle can take; None where it does not say.
 
     Attributes:
-        max_items: most items it stores (usual boards: PX4 500, ArduPilot 650 to 720). Without it the vehicle itself
-            refuses what is too much, and keeps its old mission.
         max_speed_m_s: horizontal speed.
         max_climb_m_s: upward speed.
         max_descent_m_s: downward speed.
     """
 
-    max_items: int | None = None
     max_speed_m_s: float | None = None
     max_climb_m_s: float | None = None
     max_descent_m_s: float | None = None
@@ -80,9 +78,6 @@ def build_mission(
             scene ENU, each of shape (K, 3).
         autopilot: whose words to use.
         limits: what the vehicle can take.
-
-    Raises:
-        RefusedError: more items than the vehicle stores.
     """
     if len(legs_m) != len(plan.viewpoints) + 1:
         raise ValueError("one leg for each viewpoint and one back are needed")
@@ -102,19 +97,13 @@ def build_mission(
     heading = math.degrees(heading_from_yaw(before.yaw_rad)) if before is not None else 0.0
     writer.path(at, legs_m[-1], None, heading)
     writer.land(heading)
-    if limits.max_items is not None and len(writer.items) > limits.max_items:
-        raise RefusedError(
-            f"the mission has {len(writer.items)} items and the vehicle stores {limits.max_items}: plan fewer "
-            "viewpoints (split the regions or points over several plans), or fly it with --mode offboard",
-            field="mission",
-        )
     return Mission(tuple(writer.items), writer.pictures)
 
 
 def _settle_times_s(
     plan: Plan, before: Viewpoint | None, faced_rad: Sequence[float], viewpoint: Viewpoint
 ) -> tuple[float, float]:
-    """Delays before and after a picture (s), rounded up to tenths: both turns, and the camera's shortest interval.
+    """Delays before and after a picture (s), rounded up to tenths: turns, the camera's shortest interval, and the hold.
 
     `faced_rad` are the yaw angles that the vehicle has on its way to the viewpoint by itself.
     """
@@ -127,7 +116,7 @@ def _settle_times_s(
         turn = max(abs(math.remainder(viewpoint.yaw_rad - yaw, 2 * math.pi)) for yaw in yaws)
     moving = max(math.degrees(tilt) / camera.gimbal.rate_deg_s, math.degrees(turn) / _YAW_RATE_DEG_S)
     settle = math.ceil(10 * (moving + _SETTLE_S)) / 10
-    after = math.ceil(10 * max(_SETTLE_S, camera.min_interval_s - settle)) / 10
+    after = math.ceil(10 * max(_SETTLE_S, camera.min_interval_s - settle, viewpoint.hold_s - _SETTLE_S)) / 10
     return settle, after
 
 

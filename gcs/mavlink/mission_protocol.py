@@ -10,10 +10,10 @@ from dataclasses import dataclass
 from enum import IntEnum
 from typing import TypeVar
 
-from gcs.core.errors import OperationCancelled, RefusedError
+from gcs.core.errors import LinkError, OperationCancelled, RefusedError
 from gcs.core.mission import PLACE_COMMANDS, MissionItem
 from gcs.mavlink.dialect import Message, mavlink
-from gcs.mavlink.round_trip import RoundTrip
+from gcs.mavlink.round_trip import GROWTH, RoundTrip
 from gcs.mavlink.transaction import Clock, Send, Transaction
 
 R = TypeVar("R")
@@ -45,6 +45,10 @@ class MissionType(IntEnum):
 
 class ListUnsupportedError(RefusedError):
     """The vehicle keeps no fence, or no rally points, at all."""
+
+
+class UnknownStateError(LinkError):
+    """What the vehicle holds is unknown, and why."""
 
 
 class MissionResult(IntEnum):
@@ -99,14 +103,18 @@ def result_words(result: int) -> str:
 class TransferTiming:
     """Timers of a transfer (s of link time) and how often things are tried.
 
-    The general and item timeouts are those the protocol recommends; the item timeout is a floor that grows with the
-    measured round trip. More tries than recommended, because at 30 % loss each way half of all round trips fail.
+    The item timeout is the one the protocol recommends, until a round trip was measured; the general one, as the
+    longest. More tries than recommended, because at 30 % loss each way half of all round trips fail.
     """
 
     general_s: float = 1.5
+    opening_s: float = 0.5
+    """How long the first message of a transfer is waited for, before a round trip was measured."""
+    opening_in_all_s: float = 20.0
+    """So long a transfer is opened in vain before it is given up."""
     item_s: float = 0.25
+    item_min_s: float = 0.06
     item_max_s: float = 1.5
-    tries: int = 10
     final_tries: int = 8
     """How often the last item is sent again to draw out the final acknowledgement."""
     silence_s: float = 9.0
@@ -116,6 +124,10 @@ class TransferTiming:
     """How long an answer "busy" is waited out: longer than a vehicle keeps a dead transfer open (8 s at most)."""
     stall_s: float = 30.0
     """A transfer that gets no item further for so long is given up although packets come."""
+
+    def round_trip(self) -> RoundTrip:
+        """An estimate within these limits, of nothing yet."""
+        return RoundTrip(self.item_s, self.item_max_s, self.item_min_s)
 
 
 def item_message(item: MissionItem, target_system: int, target_component: int, mission_type: int) -> Message:
@@ -170,6 +182,7 @@ class MissionTransaction(Transaction[R]):
         own_system: system id of the station; when given, answers meant for another station are ignored.
         on_progress: told after every item.
         timing: timers.
+        round_trip: what was measured in earlier transfers with the vehicle, to go on from.
     """
 
     def __init__(
@@ -183,6 +196,7 @@ class MissionTransaction(Transaction[R]):
         own_system: int | None = None,
         on_progress: OnItems | None = None,
         timing: TransferTiming | None = None,
+        round_trip: RoundTrip | None = None,
     ) -> None:
         super().__init__(send, clock)
         self._target = (target_system, target_component)
@@ -190,7 +204,7 @@ class MissionTransaction(Transaction[R]):
         self._own_system = own_system
         self._on_progress = on_progress
         self._timing = timing if timing is not None else TransferTiming()
-        self._round_trip = RoundTrip(self._timing.item_s, self._timing.item_max_s)
+        self._round_trip = round_trip if round_trip is not None else self._timing.round_trip()
         self._deadline = clock()
 
     @property
@@ -205,6 +219,12 @@ class MissionTransaction(Transaction[R]):
         if getattr(message, "mission_type", 0) != self._mission_type:
             return False
         return self._own_system is None or message.target_system in {0, self._own_system}
+
+    def _opening_timeout_s(self, tries: int) -> float:
+        """How long to wait (s) for the answer to the first message of a transfer after so many vain tries."""
+        if self._round_trip.known:
+            return self._round_trip.timeout_s(tries)
+        return float(min(self._timing.opening_s * GROWTH**tries, self._timing.general_s))
 
     def _send_ack(self, result: MissionResult) -> None:
         self._send(mavlink.MAVLink_mission_ack_message(*self._target, result, self._mission_type))

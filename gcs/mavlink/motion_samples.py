@@ -13,6 +13,8 @@ from gcs.core.frames import enu_from_ned, yaw_from_heading
 from gcs.core.motion import MotionSample, thrust_axis
 from gcs.mavlink.dialect import Message
 
+MOTION_MESSAGES = frozenset({"ATTITUDE", "ATTITUDE_TARGET", "LOCAL_POSITION_NED"})
+"""All that `MotionSampler.take` has a use for."""
 _MOST_APART_S = 0.3
 _REBOOT_S = 2.0
 _KEPT = 5

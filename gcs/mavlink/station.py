@@ -12,20 +12,27 @@ from typing import Any
 
 from gcs.core.errors import ConflictError, LinkError, NotFoundError
 from gcs.core.vehicle import VehicleIdentity
-from gcs.mavlink.dialect import Message
+from gcs.mavlink.dialect import Message, mavlink
 from gcs.mavlink.events import EventStream, StationEvent, TelemetryEvent, VehicleFoundEvent
 from gcs.mavlink.heartbeats import INTERVAL_S, LOST_AFTER_S, autopilot_of, is_vehicle, station_heartbeat
+from gcs.mavlink.id_clash import IdClashWatch
 from gcs.mavlink.link_base import Link, Peer
 from gcs.mavlink.link_url import parse_link_url
 from gcs.mavlink.links import make_link
+from gcs.mavlink.received_message import ReceivedMessage
+from gcs.mavlink.routing import WAY_ANSWERS, Component, Routes, Way, WayInfo
+from gcs.mavlink.signing import LinkSigning, SigningStatus
+from gcs.mavlink.signing_setup import SigningProof, remove_signing, set_up_signing
 from gcs.mavlink.transaction import Clock
 from gcs.mavlink.vehicle import Vehicle
 from gcs.mavlink.vehicle_channel import VehicleChannel
+from gcs.mavlink.vehicle_state import TIME_STAMPED
 
 log = logging.getLogger(__name__)
 
 TICK_S = 0.1
-ROUTE_KEPT_S = 1.5
+HEARTBEAT = int(mavlink.MAVLINK_MSG_ID_HEARTBEAT)
+COMPARE_S = 1.0
 RATE_WINDOW_S = 2.0
 
 
@@ -38,12 +45,16 @@ class LinkInfo:
         up: whether bytes can be sent.
         peers: addresses that messages came from, or go to.
         messages_per_s: heard, over the last seconds.
+        messages: heard since it was opened.
+        signing: how its signing goes; None when it is not signed.
     """
 
     url: str
     up: bool
     peers: tuple[str, ...]
     messages_per_s: float
+    messages: int = 0
+    signing: SigningStatus | None = None
 
 
 @dataclass
@@ -54,18 +65,10 @@ class _OpenLink:
     messages_per_s: float = 0.0
 
 
-@dataclass
-class _Route:
-    peer: Peer
-    link: Link
-    heard_s: float
-
-
 class MavlinkStation:
     """Opens links, sends heartbeats to every peer, and makes a `Vehicle` of every autopilot that is heard.
 
-    A component that is heard over several ways is listened to, and answered, on the one where it was heard first, until
-    that is silent for `ROUTE_KEPT_S`.
+    A vehicle may be heard over several links (`routing`); what is sent to it goes the best of these ways.
 
     Args:
         system_id: of this station.
@@ -91,7 +94,9 @@ class MavlinkStation:
         self._clock = clock
         self._lost_after_s = lost_after_s
         self._links: dict[str, _OpenLink] = {}
-        self._routes: dict[tuple[int, int], _Route] = {}
+        self._routes = Routes(self._way_changed)
+        self._clashes: dict[int, IdClashWatch] = {}
+        self._compared_at = float("-inf")
         self._vehicles: dict[int, Vehicle] = {}
         self._events: EventStream[StationEvent] = EventStream(_newer_telemetry)
         self._ticking: asyncio.Task[None] | None = None
@@ -107,7 +112,14 @@ class MavlinkStation:
     def links(self) -> tuple[LinkInfo, ...]:
         """The open links."""
         return tuple(
-            LinkInfo(url, entry.link.up, tuple(peer.name for peer in entry.link.peers), entry.messages_per_s)
+            LinkInfo(
+                url,
+                entry.link.up,
+                tuple(peer.name for peer in entry.link.peers),
+                entry.messages_per_s,
+                entry.link.messages,
+                None if entry.link.signing is None else entry.link.signing.status(),
+            )
             for url, entry in self._links.items()
         )
 
@@ -128,13 +140,22 @@ class MavlinkStation:
 
         A system id can be anybody's; who is behind the address is the caller's to have found out.
         """
-        route = self._routes.get((vehicle.identity.system_id, vehicle.identity.component_id))
-        if route is not None:
-            self._only_peer = route.peer
-            self._routes = {who: way for who, way in self._routes.items() if way.peer is route.peer}
+        kept = self._routes.best(_autopilot(vehicle))
+        if kept is not None:
+            self._only_peer = kept.peer
+            self._routes.drop(lambda way: way.peer is not kept.peer)
 
-    async def open(self, url: str) -> str:
+    def ways(self, vehicle: Vehicle) -> tuple[WayInfo, ...]:
+        """The ways on which a vehicle is heard, the one that is used first."""
+        now, ways = self._clock(), self._routes.ways(_autopilot(vehicle))
+        return tuple(way.info(now, used=way is ways[0]) for way in ways)
+
+    async def open(self, url: str, signing: LinkSigning | None = None) -> str:
         """Open a link; returns its URL in the canonical spelling, with the port that was really bound.
+
+        Args:
+            url: of the link.
+            signing: signs it from the first packet on.
 
         Raises:
             InputError: not a link URL.
@@ -145,6 +166,7 @@ class MavlinkStation:
         if address.url in self._links:
             raise ConflictError("this link is open already", field=address.url)
         link = make_link(address, self._own, self._heard, self._clock)
+        link.signing = signing
         await link.open()
         self._links[link.url] = _OpenLink(link, self._clock())
         if self._ticking is None:
@@ -162,8 +184,18 @@ class MavlinkStation:
         entry = self._links.pop(canonical, None)
         if entry is None:
             raise NotFoundError("no such link is open", field=url)
-        self._routes = {who: route for who, route in self._routes.items() if route.link is not entry.link}
+        self._routes.drop(lambda way: way.link is entry.link)
         await entry.link.close()
+
+    async def set_up_signing(self, vehicle: Vehicle, url: str, signing: LinkSigning) -> SigningProof:
+        """Give a disarmed vehicle a key, prove it, and have the link signed; errors as of `signing_setup`."""
+        way = self._only_way(vehicle, url)
+        return await set_up_signing(vehicle, way.link, way.peer, signing, self._clock)
+
+    async def remove_signing(self, vehicle: Vehicle, url: str) -> None:
+        """Have a disarmed vehicle forget its key, and the link be unsigned; errors as of `signing_setup`."""
+        way = self._only_way(vehicle, url)
+        await remove_signing(vehicle, way.link, way.peer, self._clock)
 
     async def close_all(self) -> None:
         """Close everything; nothing is sent afterwards, and vehicles are left to themselves."""
@@ -206,18 +238,35 @@ class MavlinkStation:
 
     # ---- inside ----
 
-    def _heard(self, link: Link, peer: Peer, message: Message) -> None:
-        entry = self._links.get(link.url)
-        if entry is not None:
-            entry.counted += 1
-        system_id, component_id = message.get_srcSystem(), message.get_srcComponent()
+    def _only_way(self, vehicle: Vehicle, url: str) -> Way:
+        """The way over a link; a vehicle's key holds for all its links, so there must not be another."""
+        canonical = parse_link_url(url).url
+        ways = self._routes.ways(_autopilot(vehicle))
+        others = [way.link.url for way in ways if way.link.url != canonical]
+        if others:
+            words = f"it is heard on {', '.join(others)} too, and a key holds for all its links: close the others first"
+            raise ConflictError(words, field=vehicle.identity.name)
+        if not ways:
+            raise LinkError(f"it is not heard on {canonical}", field=vehicle.identity.name)
+        return ways[0]
+
+    def _heard(self, link: Link, peer: Peer, message: ReceivedMessage) -> None:
+        system_id = message.from_system
         if system_id in (0, self._own[0]) or self._only_system not in (None, system_id):
             return
-        if not self._on_route(link, peer, system_id, component_id):
+        if self._only_peer not in (None, peer):
             return
-        if message.get_type() == "HEARTBEAT" and is_vehicle(message):
-            self._discover(message, link, peer)
+        component = (system_id, message.from_component)
+        if not self._routes.trusts(link, component):
+            return
+        now = self._clock()
         vehicle = self._vehicles.get(system_id)
+        if vehicle is not None and component[1] == vehicle.identity.component_id:
+            self._watch(vehicle, peer, message, now)
+        if not self._routes.take(link, peer, component, message, now):
+            return
+        if message.message_number == HEARTBEAT and is_vehicle(message):
+            vehicle = self._discover(message, link, peer)
         if vehicle is None:
             return
         try:
@@ -225,44 +274,56 @@ class MavlinkStation:
         except Exception:  # untrusted input: a message that cannot be taken must not stop the link
             log.exception("%s: a %s could not be taken", vehicle.identity.name, message.get_type())
 
-    def _on_route(self, link: Link, peer: Peer, system_id: int, component_id: int) -> bool:
-        if self._only_peer not in (None, peer):
-            return False
-        now = self._clock()
-        route = self._routes.get((system_id, component_id))
-        if route is None or (route.peer is not peer and now - route.heard_s > ROUTE_KEPT_S):
-            self._routes[system_id, component_id] = _Route(peer, link, now)
-            return True
-        if route.peer is not peer:
-            return False
-        route.heard_s = now
-        return True
+    def _watch(self, vehicle: Vehicle, peer: Peer, message: ReceivedMessage, now: float) -> None:
+        """Look for a second vehicle with this id, and for answers to what was asked on each way."""
+        watch = self._clashes[vehicle.identity.system_id]
+        watch.number(peer, message.running_number, now)
+        if watch.wants_clock(peer, now) and message.get_type() in TIME_STAMPED:
+            watch.clock(peer, message.time_boot_ms * 1e-3, now, vehicle.clock.rate)
+        if message.message_number not in WAY_ANSWERS:
+            return
+        for way in self._routes.ways(_autopilot(vehicle)):
+            if way.peer is peer:
+                way.hear(message, now)
+                if way.unit is not None:
+                    watch.unit(peer, way.unit, now)
 
-    def _discover(self, heartbeat: Message, link: Link, peer: Peer) -> None:
-        system_id = heartbeat.get_srcSystem()
+    def _way_changed(self, component: Component, way: Way) -> None:
+        vehicle = self._vehicles.get(component[0])
+        if vehicle is None or component != _autopilot(vehicle):
+            return
+        log.info("%s is spoken to on %s (%s) from now on", vehicle.identity.name, way.link.url, way.peer.name)
+        if not self._routes.carry_the_same(component[0], self._clock()):
+            vehicle.way_changed()
+
+    def _discover(self, heartbeat: ReceivedMessage, link: Link, peer: Peer) -> Vehicle:
+        """The vehicle of a heartbeat, which may be a new one."""
+        system_id = heartbeat.from_system
         known = self._vehicles.get(system_id)
         autopilot = autopilot_of(heartbeat)
         if known is not None and (known.connected or known.identity.autopilot is autopilot):
-            return
-        identity = VehicleIdentity(system_id, heartbeat.get_srcComponent(), autopilot, int(heartbeat.type))
+            return known
+        identity = VehicleIdentity(system_id, heartbeat.from_component, autopilot, int(heartbeat.type))
         target = (system_id, identity.component_id)
 
         def send(message: Message) -> None:
             wanted = (system_id, getattr(message, "target_component", 0))
-            route = self._routes.get(wanted) or self._routes.get(target)
-            if route is not None:
-                vehicle.passed(route.peer.send(message))
+            way = self._routes.best(wanted) or self._routes.best(target)
+            if way is not None:
+                vehicle.passed(way.peer.send(message))
 
         channel = VehicleChannel(target, self._own, send, self._clock)
         vehicle = Vehicle(identity, channel, lost_after_s=self._lost_after_s)
         vehicle.on_event = lambda event: self._events.publish(StationEvent(system_id, event))
         self._vehicles[system_id] = vehicle
+        self._clashes[system_id] = IdClashWatch()
         if known is not None:
             self._spawn(known.close())
         log.info("heard %s on %s from %s", identity.name, link.url, peer.name)
         peer.send(station_heartbeat())
         self._events.publish(StationEvent(system_id, VehicleFoundEvent()))
         vehicle.ask_for_messages()
+        return vehicle
 
     def _spawn(self, work: Coroutine[Any, Any, None]) -> None:
         task = asyncio.ensure_future(work)
@@ -278,22 +339,40 @@ class MavlinkStation:
                     self._beat(entry.link)
             for entry in self._links.values():
                 if now - entry.counted_from_s >= RATE_WINDOW_S:
-                    entry.messages_per_s = entry.counted / (now - entry.counted_from_s)
-                    entry.counted, entry.counted_from_s = 0, now
-            for vehicle in list(self._vehicles.values()):
+                    entry.messages_per_s = (entry.link.messages - entry.counted) / (now - entry.counted_from_s)
+                    entry.counted, entry.counted_from_s = entry.link.messages, now
+            if now - self._compared_at >= COMPARE_S:
+                self._compared_at = now
+                self._compare_ways(now)
+            for system_id, vehicle in list(self._vehicles.items()):
+                vehicle.tell_id_clash(self._clashes[system_id].reason(now))
                 vehicle.on_time()
             await asyncio.sleep(TICK_S)
 
+    def _compare_ways(self, now: float) -> None:
+        for vehicle in self._vehicles.values():
+            ways = self._routes.ways(_autopilot(vehicle))
+            for way in ways if len(ways) > 1 else ():
+                way.ask(_autopilot(vehicle), now)
+        self._routes.compare(now)
+
     def _beat(self, link: Link) -> None:
-        heard = {id(route.peer) for route in self._routes.values()}
+        """Send a heartbeat to every peer of a link; it belongs to the logs of the vehicles that are spoken to there."""
+        logged: dict[Peer, list[Vehicle]] = {}
+        for vehicle in self._vehicles.values():
+            way = self._routes.best(_autopilot(vehicle))
+            if way is not None:
+                logged.setdefault(way.peer, []).append(vehicle)
         for peer in link.peers:
-            if self._only_peer not in (None, peer) or (self._only_system is not None and id(peer) not in heard):
+            if self._only_peer not in (None, peer) or (self._only_system is not None and not self._routes.heard(peer)):
                 continue
             packet = peer.send(station_heartbeat())
-            for vehicle in self._vehicles.values():
-                route = self._routes.get((vehicle.identity.system_id, vehicle.identity.component_id))
-                if route is not None and route.peer is peer:
-                    vehicle.passed(packet)
+            for vehicle in logged.get(peer, ()):
+                vehicle.passed(packet)
+
+
+def _autopilot(vehicle: Vehicle) -> Component:
+    return vehicle.identity.system_id, vehicle.identity.component_id
 
 
 def _newer_telemetry(event: StationEvent, waiting: StationEvent) -> bool:

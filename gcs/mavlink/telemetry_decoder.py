@@ -15,7 +15,11 @@ from gcs.mavlink.autopilots.base import FlightStack
 from gcs.mavlink.dialect import Message, mavlink
 
 Changes = dict[str, Any]
+Reader = Callable[[Message, float], Changes]
+"""Takes a message and the station's time; what it says of the telemetry, by field."""
 NO_MISSION_TOTAL = 65535
+_LANDED_STATES = {state.value: state for state in LandedState}
+_MISSION_STATES = {state.value: state for state in MissionState}
 
 
 def geo_point(latitude_e7: int, longitude_e7: int, altitude_m: float) -> GeoPoint | None:
@@ -27,6 +31,12 @@ def geo_point(latitude_e7: int, longitude_e7: int, altitude_m: float) -> GeoPoin
     return GeoPoint(latitude_e7 * 1e-7, longitude_e7 * 1e-7, altitude_m)
 
 
+def mission_progress(m: Message) -> MissionProgress:
+    """What a MISSION_CURRENT says."""
+    total = int(m.total) if 0 < m.total < NO_MISSION_TOTAL else None
+    return MissionProgress(int(m.seq), total, _MISSION_STATES.get(m.mission_state, MissionState.UNKNOWN))
+
+
 class TelemetryDecoder:
     """Folds messages of one vehicle into its telemetry.
 
@@ -36,7 +46,7 @@ class TelemetryDecoder:
 
     def __init__(self, stack: FlightStack) -> None:
         self._stack = stack
-        self._readers: dict[str, Callable[[Message, float], Changes]] = {
+        self._readers: dict[str, Reader] = {
             "HEARTBEAT": self._heartbeat,
             "EXTENDED_SYS_STATE": self._extended_sys_state,
             "GLOBAL_POSITION_INT": self._global_position_int,
@@ -50,11 +60,21 @@ class TelemetryDecoder:
             "MISSION_CURRENT": self._mission_current,
             "SYSTEM_TIME": self._system_time,
         }
-        self._gimbal_readers: dict[str, Callable[[Message, float], Changes]] = {
+        self._gimbal_readers: dict[str, Reader] = {
             "GIMBAL_DEVICE_ATTITUDE_STATUS": self._gimbal_device_attitude_status,
             "MOUNT_ORIENTATION": self._mount_orientation,
             "MOUNT_STATUS": self._mount_status,
         }
+
+    @property
+    def kinds(self) -> frozenset[str]:
+        """The messages that say anything of use."""
+        return frozenset(self._readers) | frozenset(self._gimbal_readers)
+
+    def reader(self, kind: str, *, from_autopilot: bool) -> Reader | None:
+        """What reads a kind of message; None when it says nothing of use."""
+        reader = self._gimbal_readers.get(kind)
+        return self._readers.get(kind) if reader is None and from_autopilot else reader
 
     def apply(self, telemetry: Telemetry, message: Message, now_s: float, *, from_autopilot: bool = True) -> Telemetry:
         """The telemetry after a message; the same object when the message says nothing of use.
@@ -65,10 +85,7 @@ class TelemetryDecoder:
             now_s: the station's monotonic time.
             from_autopilot: False for other components, of which only the gimbal's attitude is taken.
         """
-        kind = message.get_type()
-        reader = self._gimbal_readers.get(kind)
-        if reader is None and from_autopilot:
-            reader = self._readers.get(kind)
+        reader = self.reader(message.get_type(), from_autopilot=from_autopilot)
         if reader is None:
             return telemetry
         changes = reader(message, now_s)
@@ -81,9 +98,7 @@ class TelemetryDecoder:
 
     @staticmethod
     def _extended_sys_state(m: Message, now_s: float) -> Changes:
-        known = {state.value for state in LandedState}
-        state = LandedState(m.landed_state) if m.landed_state in known else LandedState.UNKNOWN
-        return {"landed": Heard(state, now_s)}
+        return {"landed": Heard(_LANDED_STATES.get(m.landed_state, LandedState.UNKNOWN), now_s)}
 
     @staticmethod
     def _global_position_int(m: Message, now_s: float) -> Changes:
@@ -157,10 +172,7 @@ class TelemetryDecoder:
 
     @staticmethod
     def _mission_current(m: Message, now_s: float) -> Changes:
-        known = {state.value for state in MissionState}
-        state = MissionState(m.mission_state) if m.mission_state in known else MissionState.UNKNOWN
-        total = int(m.total) if 0 < m.total < NO_MISSION_TOTAL else None
-        return {"mission": Heard(MissionProgress(int(m.seq), total, state), now_s)}
+        return {"mission": Heard(mission_progress(m), now_s)}
 
     @staticmethod
     def _system_time(m: Message, now_s: float) -> Changes:

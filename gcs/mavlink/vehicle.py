@@ -84,6 +84,7 @@ class Vehicle(VehicleFlight):
                 refuses.
             LinkError: it does not answer, or does not tell its position.
         """
+        self._demand_known()
         if self._lease is not None:
             raise ConflictError(f"its setpoints are leased to {self._lease}", field=self.identity.name)
         if not self.in_air and take_off_altitude_amsl_m is None:
@@ -222,6 +223,10 @@ class Vehicle(VehicleFlight):
     def _disarmed(self) -> None:
         if self._session is not None:
             self._session.halt(OffboardEnd.DISARMED)
+
+    def _id_clashes(self) -> None:
+        if self._session is not None:
+            self._session.halt(OffboardEnd.ID_CLASH)
 
     def _link_lost(self) -> None:
         if self._session is not None:

@@ -3,17 +3,72 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
+from collections import deque
 from collections.abc import AsyncIterator, Callable
 from contextlib import AbstractAsyncContextManager
-from typing import TypeVar
+from typing import Any, TypeVar
 
-from gcs.core.errors import LinkError
+from gcs.core.errors import LinkError, RefusedError
 from gcs.mavlink.command_protocol import Target
 from gcs.mavlink.dialect import Message
-from gcs.mavlink.events import EventStream
-from gcs.mavlink.transaction import Clock, Send, Transaction, run
+from gcs.mavlink.events import MAX_WAITING, EventStream
+from gcs.mavlink.transaction import Clock, Send, Transaction
 
 R = TypeVar("R")
+
+
+class _Exchange:
+    """A transaction under way."""
+
+    def __init__(self, transaction: Transaction[Any], clock: Clock) -> None:
+        self._transaction = transaction
+        self._clock = clock
+        self._wake = asyncio.Event()
+        self._sleeps_until = float("inf")
+        self._heard: deque[Message] = deque(maxlen=MAX_WAITING)
+        self._loop = asyncio.get_running_loop()
+        self._failure: Exception | None = None
+
+    def hear(self, message: Message) -> None:
+        """Let the transaction take a message, as soon as whoever tells of it is done."""
+        self._heard.append(message)
+        if len(self._heard) == 1:
+            self._loop.call_soon(self._step, None)
+
+    async def over(self) -> None:
+        """Begin, and call the transaction when its time has come, until it is finished."""
+        transaction = self._transaction
+        self._step(transaction.start)
+        while not transaction.finished:
+            if self._failure is not None:
+                raise self._failure
+            self._wake.clear()
+            self._sleeps_until = transaction.deadline
+            wait_s = self._sleeps_until - self._clock()
+            if wait_s > 0:
+                with contextlib.suppress(TimeoutError):
+                    async with asyncio.timeout(wait_s):
+                        await self._wake.wait()
+            else:
+                await asyncio.sleep(0)  # what has come in meanwhile is heard first
+                if not transaction.finished and transaction.deadline <= self._clock():
+                    self._step(transaction.on_time)
+
+    def _step(self, action: Callable[[], None] | None) -> None:
+        """Do something, and take what was heard."""
+        transaction = self._transaction
+        try:
+            if action is not None:
+                action()
+            while self._heard:
+                message = self._heard.popleft()
+                if not transaction.finished:
+                    transaction.handle(message)
+        except Exception as failure:  # whoever waits for the transaction gets it
+            self._failure = failure
+        if self._failure is not None or transaction.finished or transaction.deadline < self._sleeps_until:
+            self._wake.set()
 
 
 class VehicleChannel:
@@ -31,7 +86,10 @@ class VehicleChannel:
         self.sender = sender
         self.send = send
         self.clock = clock
+        self.refusal: str | None = None
+        """Why no exchange with the vehicle may begin; None when one may."""
         self._heard: EventStream[Message] = EventStream()
+        self._exchanges: list[_Exchange] = []
 
     def messages(self) -> AbstractAsyncContextManager[AsyncIterator[Message]]:
         """Hear the vehicle's messages, of all its components, inside a `with` block."""
@@ -40,14 +98,39 @@ class VehicleChannel:
     def publish(self, message: Message) -> None:
         """A message of the vehicle was heard."""
         self._heard.publish(message)
+        for exchange in tuple(self._exchanges):
+            exchange.hear(message)
+
+    def check(self) -> None:
+        """Refuse an exchange that may not begin.
+
+        Raises:
+            RefusedError: says why.
+        """
+        if self.refusal is not None:
+            raise RefusedError(self.refusal)
 
     async def run(self, transaction: Transaction[R]) -> R:
         """Drive a transaction to its end.
 
+        It takes messages as they are heard, and a task is woken only when it is over or wants to be called earlier: a
+        hundred vehicles that are asked at once must not wake a hundred tasks with each of their messages.
+
         Raises:
+            RefusedError: no exchange may begin.
             GcsError: it failed.
         """
-        return await run(transaction, self, self.clock)
+        self.check()
+        exchange = _Exchange(transaction, self.clock)
+        self._exchanges.append(exchange)
+        try:
+            await exchange.over()
+        except asyncio.CancelledError:
+            transaction.cancel()
+            raise
+        finally:
+            self._exchanges.remove(exchange)
+        return transaction.result()
 
     async def until(self, holds: Callable[[], bool], timeout_s: float, what: str) -> None:
         """Wait until something holds, asking after every message and every half second.

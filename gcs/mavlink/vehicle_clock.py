@@ -14,6 +14,8 @@ import numpy as np
 
 WINDOW_S = 8.0
 SPACING_S = 0.05
+ESTIMATE_EVERY_S = 0.5
+FEW_SAMPLES = 20
 MIN_SPAN_S = 0.5
 REBOOT_S = 2.0
 STEP_COUNT = 10
@@ -32,6 +34,7 @@ class VehicleClock:
         self._samples: deque[tuple[float, float]] = deque()
         self._round_trips: deque[float] = deque(maxlen=ROUND_TRIPS)
         self._fit: tuple[float, float, float] | None = None
+        self._estimated_at = float("-inf")
         self._off_count = 0
         self.reboots = 0
 
@@ -53,6 +56,10 @@ class VehicleClock:
         at_s, vehicle_s, rate = fit
         return vehicle_s + rate * (station_s - at_s)
 
+    def stamped_lately(self, station_s: float) -> bool:
+        """Whether a further stamp would only be passed over."""
+        return bool(self._samples) and station_s - self._samples[-1][0] < SPACING_S
+
     def stamp(self, station_s: float, vehicle_s: float) -> None:
         """Take a time stamp of the vehicle and when it was heard."""
         if self._samples:
@@ -72,7 +79,9 @@ class VehicleClock:
         self._samples.append((station_s, vehicle_s))
         while self._samples[0][0] < station_s - WINDOW_S:
             self._samples.popleft()
-        self._estimate()
+        if station_s - self._estimated_at >= ESTIMATE_EVERY_S or len(self._samples) < FEW_SAMPLES:
+            self._estimated_at = station_s
+            self._estimate()
 
     def round_trip(self, seconds: float) -> None:
         """Take the time between a TIMESYNC request and its answer."""
@@ -91,7 +100,10 @@ class VehicleClock:
             return
         half = len(wall) // 2
         slopes = (vehicle[half:] - vehicle[: len(vehicle) - half]) / (wall[half:] - wall[: len(wall) - half])
-        rate = float(np.median(slopes))
+        ordered = np.sort(slopes)
+        rate = (
+            float(ordered[(len(ordered) - 1) // 2] + ordered[len(ordered) // 2]) / 2
+        )  # np.median takes 20 times as long
         if rate <= 0:
             return
         now = float(wall[-1])

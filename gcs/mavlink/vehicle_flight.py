@@ -105,6 +105,7 @@ class VehicleFlight(VehicleTransfers):
         Raises:
             RefusedError: it has no such mode, or refuses it.
         """
+        self._demand_known()
         number = self._stack.retrace_mode()
         if number is None:
             stack = self.identity.autopilot.value
@@ -122,6 +123,7 @@ class VehicleFlight(VehicleTransfers):
 
     async def set_mode(self, mode: FlightMode) -> None:
         """Switch to a mode."""
+        self._demand_known()
         number = self._stack.custom_mode(mode)
         if number is None:
             stack = self.identity.autopilot.value
@@ -133,6 +135,7 @@ class VehicleFlight(VehicleTransfers):
 
         Returns when the commands were accepted; `telemetry.gimbal_pitch_rad` shows the motion.
         """
+        self._demand_known()
         calls = self._stack.gimbal_commands(pitch_rad)
         for call in calls[:-1]:
             try:
@@ -147,6 +150,7 @@ class VehicleFlight(VehicleTransfers):
         Args:
             index_hint: a number, from 0, that no other picture of this vehicle was commanded with; counts by default.
         """
+        self._demand_known()
         self._pictures = self._pictures + 1 if index_hint is None else index_hint + 1
         await self._named(self._exchange(self._stack.picture_command(self._pictures)))
 
@@ -156,6 +160,7 @@ class VehicleFlight(VehicleTransfers):
         steps: Callable[[FlightCommands], Awaitable[None]],
     ) -> None:
         """Run a sequence of commands; a newer sequence ends an older one at its next step."""
+        self._demand_known()
         self._sequence += 1
         number = self._sequence
 
@@ -165,6 +170,7 @@ class VehicleFlight(VehicleTransfers):
 
         control = FlightCommands(self, self._stack, self._channel, self._guard, permit)
         try:
+            self._channel.check()
             self._guard.check()
             await steps(control)
         except GcsError as error:

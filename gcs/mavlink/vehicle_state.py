@@ -25,17 +25,20 @@ from gcs.mavlink.autopilots.ardupilot import ArduPilot
 from gcs.mavlink.autopilots.base import FlightStack
 from gcs.mavlink.autopilots.generic import GenericAutopilot
 from gcs.mavlink.autopilots.px4 import Px4
-from gcs.mavlink.camera_control import CameraWatch
+from gcs.mavlink.camera_control import CAMERA_MESSAGES, CameraWatch
 from gcs.mavlink.command_protocol import command_long
 from gcs.mavlink.dialect import Message, mavlink
 from gcs.mavlink.events import EventStream, VehicleEvent
 from gcs.mavlink.link_quality import LinkQuality, RoundTripMeter, SequenceMeter
 from gcs.mavlink.message_rates import RATES_HZ, request_call, request_rates
 from gcs.mavlink.mode_guard import ModeChange, ModeGuard, Shown
-from gcs.mavlink.motion_samples import MotionSampler
+from gcs.mavlink.motion_samples import MOTION_MESSAGES, MotionSampler
+from gcs.mavlink.newest_telemetry import NewestTelemetry
+from gcs.mavlink.received_message import MARKER_V1
 from gcs.mavlink.replan_tunnel import MalformedReport, ReportAssembler, ReportStatus, report_ack
+from gcs.mavlink.routing import unit_number
 from gcs.mavlink.status_text import StatusTextAssembler
-from gcs.mavlink.telemetry_decoder import TelemetryDecoder
+from gcs.mavlink.telemetry_decoder import TelemetryDecoder, mission_progress
 from gcs.mavlink.vehicle_channel import VehicleChannel
 from gcs.mavlink.vehicle_clock import VehicleClock
 
@@ -53,6 +56,12 @@ ASK_AGAIN_S = 15.0
 ASK_ONCE_TRIES = 5
 ASK_ONCE_PAUSE_S = 1.0
 TIME_STAMPED = frozenset({"ATTITUDE", "LOCAL_POSITION_NED", "GLOBAL_POSITION_INT", "SYSTEM_TIME"})
+ALSO_WANTED = frozenset({"TIMESYNC", "MISSION_ITEM_REACHED", "AUTOPILOT_VERSION", "STATUSTEXT", "TUNNEL"})
+"""Besides telemetry, motion and pictures; other messages are counted, logged, and handed to whoever waits for one."""
+ONLY_MAVLINK_1 = (
+    "it sends MAVLink 1 and may not understand MAVLink 2, which missions, files and signing need: set it to MAVLink 2 "
+    "(PX4: MAV_PROTO_VER 2; ArduPilot: SERIALn_PROTOCOL 2)"
+)
 CLEARLY_UP_M = 1.5
 FLYING = frozenset({LandedState.IN_AIR, LandedState.TAKING_OFF, LandedState.LANDING})
 
@@ -68,10 +77,11 @@ class VehicleState:
 
     def __init__(self, identity: VehicleIdentity, channel: VehicleChannel, *, lost_after_s: float) -> None:
         self.identity = identity
-        self.telemetry = Telemetry()
         self.clock = VehicleClock()
         self.uid: str | None = None
         self.capabilities: int | None = None
+        self.mavlink_version: int | None = None
+        """Of its last heartbeat; one that sends MAVLink 1 is heard, but may not understand what is sent to it."""
         self.on_event: Callable[[VehicleEvent], None] | None = None
         self.on_motion: Callable[[MotionSample], None] | None = None
         self.on_packet: Callable[[bytes], None] | None = None
@@ -80,7 +90,9 @@ class VehicleState:
         self._now = channel.clock
         self._lost_after_s = lost_after_s
         self._stack = STACKS[identity.autopilot]()
-        self._decoder = TelemetryDecoder(self._stack)
+        decoder = TelemetryDecoder(self._stack)
+        self._newest = NewestTelemetry(decoder)
+        self._wanted = decoder.kinds | MOTION_MESSAGES | CAMERA_MESSAGES | ALSO_WANTED
         self._motion = MotionSampler()
         self._guard = ModeGuard(self._stack)
         self._meter = SequenceMeter()
@@ -95,10 +107,16 @@ class VehicleState:
         self._ask_again_at: float | None = None
         self._timesync_at = float("-inf")
         self._reboots = 0
+        self._id_clash: str | None = None
         self._last_heartbeat_s = self._now()
         self._armed_before: bool | None = None
         self._connected = True
         self._closed = False
+
+    @property
+    def telemetry(self) -> Telemetry:
+        """The newest of everything heard; safe from any thread."""
+        return self._newest.read()
 
     @property
     def connected(self) -> bool:
@@ -130,6 +148,28 @@ class VehicleState:
     def hands_off_reason(self) -> str | None:
         """Who took over and how; None while the station may command."""
         return self._guard.hands_off
+
+    @property
+    def id_clash(self) -> str | None:
+        """How two vehicles with its system id were told apart; None while there is but one."""
+        return self._id_clash
+
+    def tell_id_clash(self, reason: str | None) -> None:
+        """Two vehicles use its system id, or one does so no more; called by the station."""
+        if (reason is None) == (self._id_clash is None):
+            return
+        self._id_clash = reason
+        system_id = self.identity.system_id
+        self._channel.refusal = reason and (
+            f"two vehicles use system id {system_id} ({reason}): nothing is sent to either until one has another id"
+        )
+        if reason is not None:
+            self._id_clashes()
+        self._publish(events.IdClashEvent(reason))
+
+    def way_changed(self) -> None:
+        """Its messages come another way from now on, with other numbers; called by the station."""
+        self._meter.restart()
 
     @property
     def takes_acceleration_forward(self) -> bool:
@@ -197,35 +237,42 @@ class VehicleState:
     def handle(self, message: Message) -> None:
         """Take a message of any of its components; called by the station."""
         now = self._now()
-        self.passed(message.get_msgbuf())
+        if self.on_packet is not None:
+            self.passed(message.get_msgbuf())
+        self._meter.count(message.get_srcComponent(), message.get_seq(), now)
         kind = message.get_type()
-        component = message.get_srcComponent()
-        self._meter.count(component, message.get_seq(), now)
-        from_autopilot = component == self.identity.component_id
-        telemetry = self._decoder.apply(self.telemetry, message, now, from_autopilot=from_autopilot)
-        if telemetry is not self.telemetry:
-            self.telemetry = telemetry
-            self._publish(events.TelemetryEvent(telemetry))
+        if kind in self._wanted:
+            self._take(kind, message, now)
+        self._channel.publish(message)
+
+    def _take(self, kind: str, message: Message, now: float) -> None:
+        from_autopilot = message.get_srcComponent() == self.identity.component_id
+        changed = self._newest.take(message, now, from_autopilot=from_autopilot)
+        if changed and self._events.has_readers:
+            self._publish(events.TelemetryEvent(self.telemetry))
         if from_autopilot:
             self._handle_autopilot(kind, message, now)
-            sample = self._motion.take(message)
-            if sample is not None and self.on_motion is not None:
-                self.on_motion(sample)
-        report = self._camera.take(message)
-        if report is not None:
-            self._publish(events.ImageEvent(report))
-        if kind == "STATUSTEXT":
+            if self.on_motion is not None:
+                sample = self._motion.take(message)
+                if sample is not None:
+                    self.on_motion(sample)
+        if kind in CAMERA_MESSAGES:
+            report = self._camera.take(message)
+            if report is not None:
+                self._publish(events.ImageEvent(report))
+        elif kind == "STATUSTEXT":
             for text in self._texts.take(message):
                 self._recent_texts.append((now, text))
                 self._publish(events.StatusTextEvent(text))
         elif kind == "TUNNEL":
             self._handle_tunnel(message)
-        self._channel.publish(message)
 
     def _handle_autopilot(self, kind: str, message: Message, now: float) -> None:
         if kind == "HEARTBEAT":
             self._handle_heartbeat(message, now)
         elif kind in TIME_STAMPED:
+            if self.clock.stamped_lately(now):
+                return
             self.clock.stamp(now, message.time_boot_ms * 1e-3)
             if self.clock.reboots != self._reboots:
                 self._reboots = self.clock.reboots
@@ -236,16 +283,16 @@ class VehicleState:
                 self.clock.round_trip(round_trip_s)
         elif kind == "MISSION_ITEM_REACHED":
             self._publish(events.ItemReachedEvent(int(message.seq)))
-        elif kind == "MISSION_CURRENT" and self.telemetry.mission is not None:
-            self._guard.on_mission(self.telemetry.mission.value)
+        elif kind == "MISSION_CURRENT":
+            self._guard.on_mission(mission_progress(message))
         elif kind == "AUTOPILOT_VERSION":
             self.capabilities = int(message.capabilities)
-            long_id = bytes(message.uid2).rstrip(b"\0")
-            self.uid = long_id.hex() or (f"{message.uid:016x}" if message.uid else None)
+            self.uid = unit_number(message)
 
     def _handle_heartbeat(self, message: Message, now: float) -> None:
         silent_s = now - self._last_heartbeat_s
         self._last_heartbeat_s = now
+        self.mavlink_version = 1 if message.get_msgbuf()[0] == MARKER_V1 else 2
         if not self._connected:
             self._connected = True
             self._publish(events.LinkBackEvent(silent_s))
@@ -324,6 +371,9 @@ class VehicleState:
     def _link_lost(self) -> None:
         """For the flying half."""
 
+    def _id_clashes(self) -> None:
+        """For the flying half."""
+
     def _heard_since(self, field: str, since_s: float) -> bool:
         heard = getattr(self.telemetry, field)
         return heard is not None and heard.at_s > since_s
@@ -343,6 +393,8 @@ class VehicleState:
         """The error, naming the vehicle unless it names something else."""
         if error.field is None:
             error.field = self.identity.name
+        if isinstance(error, LinkError) and self.mavlink_version == 1 and ONLY_MAVLINK_1 not in error.message:
+            error.message += f"; {ONLY_MAVLINK_1}"
         return error
 
     async def _named(self, work: Awaitable[R]) -> R:

@@ -1,24 +1,25 @@
-"""What one vehicle holds and is asked for: missions, parameters, files, position references and plans."""
+"""What one vehicle holds and is asked for: missions, parameters, position references and plans."""
 
 from __future__ import annotations
 
 import asyncio
 import contextlib
-from collections.abc import AsyncIterator, Iterable, Sequence
+import logging
+from collections.abc import AsyncIterator, Awaitable, Callable, Iterable, Sequence
+from typing import TypeVar
 
-from gcs.core.errors import LinkError, RefusedError
+from gcs.core.errors import GcsError, LinkError, NotFoundError, OperationCancelled, RefusedError
 from gcs.core.frames import GeoPoint
-from gcs.core.mission import Mission, MissionItem
+from gcs.core.mission import Command, Mission, MissionItem
 from gcs.core.progress import Progress
 from gcs.core.vehicle import Autopilot, Failsafe, ReplanReport, VehicleIdentity, VehicleLimits
+from gcs.mavlink.autopilots.generic import UNKNOWN_STACK
 from gcs.mavlink.canonical_form import MissionComparison
 from gcs.mavlink.command_protocol import command_long
 from gcs.mavlink.dialect import mavlink
-from gcs.mavlink.ftp_directory import DirectoryListing, ListDirectory
-from gcs.mavlink.ftp_fetch import FetchedFile, FetchFile, PartialFile
-from gcs.mavlink.ftp_protocol import SequenceNumbers, path_from_url
 from gcs.mavlink.message_rates import request_call
 from gcs.mavlink.mission_clear import MissionClear
+from gcs.mavlink.mission_ftp import path_of, read_as_file, reading_is_faster, upload_as_file, writing_is_faster
 from gcs.mavlink.mission_proof import (
     MissionPeer,
     UploadProof,
@@ -28,37 +29,56 @@ from gcs.mavlink.mission_proof import (
     upload_list_and_prove,
 )
 from gcs.mavlink.mission_protocol import ListUnsupportedError, MissionType
+from gcs.mavlink.parameter_pack import PATH as PARAMETER_PACK
+from gcs.mavlink.parameter_pack import PackedParameter, decode_parameter_pack
 from gcs.mavlink.parameter_protocol import ParameterRead, ParameterReading, ParameterSet
 from gcs.mavlink.replan_tunnel import PlanAnnouncement, ReportStatus, report_ack
 from gcs.mavlink.vehicle_channel import VehicleChannel
-from gcs.mavlink.vehicle_state import VehicleState
+from gcs.mavlink.vehicle_files import VehicleFiles
+
+log = logging.getLogger(__name__)
+R = TypeVar("R")
 
 ASK_EVERY_S = 0.7
+PACK_FROM = 16
+"""So many parameters are read as one file, where there is one: names that it lacks are known at once, while asking for
+them by name ends in silence."""
+PACK_SLOW_S = 4.0
+"""A link on which that file took longer is asked for names from then on."""
 LIST_CAPABILITY = {
     MissionType.FENCE: mavlink.MAV_PROTOCOL_CAPABILITY_MISSION_FENCE,
     MissionType.RALLY: mavlink.MAV_PROTOCOL_CAPABILITY_MISSION_RALLY,
 }
 
 
-class VehicleTransfers(VehicleState):
+class VehicleTransfers(VehicleFiles):
     """The half of a `Vehicle` that moves data and commands nothing to move."""
 
     def __init__(self, identity: VehicleIdentity, channel: VehicleChannel, *, lost_after_s: float) -> None:
         super().__init__(identity, channel, lost_after_s=lost_after_s)
-        self._file_numbers: dict[int, SequenceNumbers] = {}
-        self._file_lock = asyncio.Lock()
+        self._absent_files: set[str] = set()
         self._mission_lock = asyncio.Lock()
         self._absent_lists: set[MissionType] = set()
         self._parameter_lock = asyncio.Lock()
+        self._pack_is_slow = False
 
     async def upload_mission(self, mission: Mission, progress: Progress | None = None) -> UploadProof:
         """Put a mission on it and prove it by reading it back."""
         async with self._mission_lock:
+            proof = await self._upload_as_file(mission.items, MissionType.MISSION, progress)
+            if proof is not None:
+                return proof
             return await self._named(upload_and_prove(mission, self._mission_peer(), progress))
 
     async def download_mission(self, progress: Progress | None = None) -> tuple[MissionItem, ...]:
         """Read the mission that it holds."""
         async with self._mission_lock:
+            told = self.telemetry.mission
+            if told is not None and told.value.total is not None and reading_is_faster(told.value.total):
+                path = path_of(MissionType.MISSION)
+                items = await self._by_file(path, lambda: read_as_file(self, MissionType.MISSION))
+                if items is not None:
+                    return items
             return await self._named(download(self._mission_peer(), progress))
 
     async def compare_with_vehicle(self, mission: Mission, progress: Progress | None = None) -> MissionComparison:
@@ -82,6 +102,9 @@ class VehicleTransfers(VehicleState):
         """
         self._demand_list(mission_type)
         async with self._mission_lock, self._remembering(mission_type):
+            proof = await self._upload_as_file(items, mission_type, progress)
+            if proof is not None:
+                return proof
             return await self._named(upload_list_and_prove(items, mission_type, self._mission_peer(), progress))
 
     async def download_list(
@@ -124,8 +147,55 @@ class VehicleTransfers(VehicleState):
             self._absent_lists.add(mission_type)
             raise
 
+    async def _upload_as_file(
+        self, items: Sequence[MissionItem], mission_type: MissionType, progress: Progress | None
+    ) -> UploadProof | None:
+        """Upload a list as a file where that is served and faster; None when the mission protocol is to do it."""
+        home_first = mission_type is not MissionType.MISSION or (items and items[0].command == Command.NAV_WAYPOINT)
+        if not home_first or not writing_is_faster(len(items)):
+            return None
+        target, autopilot = self._channel.target, self.identity.autopilot
+        return await self._by_file(
+            path_of(mission_type),
+            lambda: upload_as_file(items, mission_type, self, target, autopilot, self._now, progress),
+        )
+
+    async def _by_file(self, path: str, work: Callable[[], Awaitable[R]]) -> R | None:
+        """Do it by a file of its autopilot; None when it serves none, or when that did not work."""
+        if not self._stack.serves_lists_as_files or path in self._absent_files:
+            return None
+        try:
+            return await work()
+        except OperationCancelled:
+            raise
+        except NotFoundError:
+            self._absent_files.add(path)
+        except GcsError as error:
+            log.info("%s: not by %s, but one by one: %s", self.identity.name, path, error)
+        return None
+
+    async def read_all_parameters(self) -> dict[str, PackedParameter]:
+        """Read all its parameters as one file, with their defaults.
+
+        Raises:
+            NotFoundError: it serves no such file.
+            IncompleteError: the file is damaged.
+            LinkError: it does not answer.
+        """
+        if not self._stack.serves_lists_as_files:
+            raise NotFoundError("it serves no file of its parameters", field=self.identity.name)
+        return decode_parameter_pack(await self.read_made_up(f"{PARAMETER_PACK}?withdefaults=1"))
+
     async def read_parameters(self, names: Iterable[str]) -> dict[str, float | None]:
-        """Read parameters by name; None where it did not tell one."""
+        """Read parameters by name, many as one file where there is one; None where it did not tell one."""
+        names = tuple(names)
+        packed = None
+        if len(names) >= PACK_FROM and not self._pack_is_slow:
+            begin = self._now()
+            packed = await self._by_file(PARAMETER_PACK, self.read_all_parameters)
+            self._pack_is_slow = self._now() - begin > PACK_SLOW_S
+        if packed is not None:
+            return {name: packed[name].reading.value if name in packed else None for name in names}
         readings = await self._read(names)
         return {name: None if reading is None else reading.value for name, reading in readings.items()}
 
@@ -136,6 +206,7 @@ class VehicleTransfers(VehicleState):
             RefusedError: it has no such parameter, or keeps another value.
             InputError: the value does not fit the parameter's type.
         """
+        self._demand_known()
         reading = (await self._read([name]))[name]
         if reading is None:
             raise RefusedError(f"it has no parameter {name}", field=self.identity.name)
@@ -165,10 +236,21 @@ class VehicleTransfers(VehicleState):
             RefusedError: it does not take it.
             LinkError: it does not answer.
         """
+        self._demand_known()
         setting = self._stack.return_altitude_setting(altitude_m)
         if setting is None:
             raise RefusedError("its return altitude cannot be set", field=self.identity.name)
         return f"{setting[0]} = {await self.set_parameter(*setting):g}"
+
+    def _demand_known(self) -> None:
+        """Nothing is commanded to a vehicle whose flight stack is not known."""
+        if not self._stack.known:
+            raise RefusedError(UNKNOWN_STACK, field=self.identity.name)
+
+    @property
+    def failsafe_parameters(self) -> tuple[str, ...]:
+        """Names of the parameters that set its failsafes."""
+        return self._stack.failsafe_parameters
 
     async def read_failsafes(self) -> tuple[Failsafe, ...]:
         """How its failsafes are set up."""
@@ -201,57 +283,6 @@ class VehicleTransfers(VehicleState):
         if home is None or origin is None:
             raise LinkError("it did not tell its home and origin", field=self.identity.name)
         return home.value, origin.value
-
-    async def list_files(self, path: str, component: int | None = None) -> DirectoryListing:
-        """List a folder of its camera, or of another component that serves files."""
-        async with self._file_lock:
-            folder, system, server, numbers = self._file_server(path, component)
-            listing = ListDirectory(
-                folder,
-                system,
-                server,
-                self._channel.send,
-                self._now,
-                sequence=numbers,
-                own_system=self._channel.sender[0],
-            )
-            return await self._named(self._channel.run(listing))
-
-    async def fetch_file(
-        self,
-        path: str,
-        progress: Progress | None = None,
-        *,
-        component: int | None = None,
-        resume: PartialFile | None = None,
-    ) -> FetchedFile:
-        """Read a file of its camera, or of another component; one at a time, others wait.
-
-        Args:
-            path: of the file, or its `mftp:` address as an ImageReport has it.
-            progress: told under the path's name.
-            component: that serves it; by default the one that the address names, else the camera, else the autopilot.
-            resume: what an earlier try left (`partial` of its error).
-        """
-
-        def tell(done: int, total: int) -> None:
-            if progress is not None:
-                progress.report(path, done / max(total, 1))
-
-        async with self._file_lock:
-            file, system, server, numbers = self._file_server(path, component)
-            fetch = FetchFile(
-                file,
-                system,
-                server,
-                self._channel.send,
-                self._now,
-                sequence=numbers,
-                own_system=self._channel.sender[0],
-                resume=resume,
-                on_progress=tell,
-            )
-            return await self._named(self._channel.run(fetch))
 
     async def announce_plan(self, plan_hash: str) -> bool:
         """Tell it the SHA-256 of the plan that it is to fly; False when it does not know of plans."""
@@ -292,10 +323,3 @@ class VehicleTransfers(VehicleState):
             run=self._channel.run,
             own_system=self._channel.sender[0],
         )
-
-    def _file_server(self, path: str, component: int | None) -> tuple[str, int, int, SequenceNumbers]:
-        """Bare path, system, component and request numbers of the server that has a file."""
-        bare, named = path_from_url(path)
-        server = component or named or self.camera_component or self.identity.component_id
-        numbers = self._file_numbers.setdefault(server, SequenceNumbers())
-        return bare, self.identity.system_id, server, numbers

@@ -94,13 +94,18 @@ def check_figures(figures: CurveFigures, scenario: Scenario) -> list[Check]:
         _at_most("corridor_violation_m", f.corridor_violation_m, 1e-6, "m", "outside the corridor"),
         _at_most("worst_viewpoint_miss_m", f.worst_viewpoint_miss_m, VIEWPOINT_MISS_M, "m", "past a viewpoint"),
         _at_most("continuity", f.largest_jump, 1e-4, "", "largest jump of position, velocity, acceleration or jerk"),
-        _at_most("rest_speed", f.unrest_m_s, 1e-4, "m/s", "at the ends and the exposures"),
-        _at_most("rest_acceleration", f.unrest_m_s2, 1e-3, "m/s^2", "at the ends and the exposures"),
+        _at_most("rest_speed", f.unrest_m_s, 1e-4, "m/s", "at the ends and where it stops for a picture"),
+        _at_most("rest_acceleration", f.unrest_m_s2, 1e-3, "m/s^2", "at the ends and where it stops for a picture"),
+        _at_most("hold", f.short_hold_s, 1e-6, "s", "short of a hold that is asked"),
         _at_most("visiting_order", float(f.disorder), 0.0, "", "exposures out of order"),
+        _at_most("exposure_turn", f.exposure_turn_rad_s, 1e-4, "rad/s", "largest turn of yaw or gimbal at an exposure"),
         _at_most("yaw_rate", f.yaw_rate_rad_s, YAW_RATE_RAD_S, "rad/s", "largest yaw rate"),
         _at_most("gimbal_rate", f.gimbal_rate_rad_s, math.radians(gimbal.rate_deg_s), "rad/s", "largest gimbal rate"),
         _at_most("viewing_angles", f.angle_miss_rad, ANGLE_TOLERANCE_RAD, "rad", "off a viewpoint's direction"),
     ]
+    if math.isfinite(f.interval_s):
+        least = scenario.camera.min_interval_s
+        checks.append(_at_least("picture_interval", f.interval_s, least, "s", "between two exposures"))
     if scenario.planner.trajectory == "corridor":
         reach = corridor_reach(scenario.safety.corridor_half_width_m)
         checks.append(_at_most("deviation", f.deviation_bound_m, reach, "m", "bound of the distance from the path"))
@@ -121,7 +126,10 @@ def check_sharpness(sharpness: ImageSharpness, scenario: Scenario) -> list[Check
     """Hold focus, blur and skew of the pictures against the camera's limits, as far as the camera states them."""
     camera = scenario.camera
     drifting = f"with {scenario.vehicle.hover_speed_m_s:g} m/s of drift"
-    checks = []
+    unjudged = _at_most(
+        "unjudged_blur", float(sharpness.unjudged), 0.0, "", "pictures in flight of unknown blur or skew"
+    )
+    checks = [unjudged] if sharpness.unjudged else []
     if sharpness.focus is not None:
         value, name = sharpness.focus
         checks.append(_at_least("focus", value, 0.0, "m", f"room to the nearest that can be sharp, at {name}"))
@@ -246,9 +254,11 @@ def recheck(plan: Plan, distance: SceneDistance, progress: Progress | None = Non
     built = BuiltTrajectory(
         trajectory=plan.trajectory,
         corridor_m=plan.corridor_m,
+        corridor_planes=plan.corridor_planes,
         yaw=plan.yaw,
         gimbal_pitch=plan.gimbal_pitch,
         exposures_s=np.array([v.time_s for v in plan.viewpoints]),
+        stops=np.array([v.stops for v in plan.viewpoints], dtype=np.bool_),
     )
     figures = measure(built, plan.path_m, plan.viewpoints, plan.scenario, distance, progress or SilentProgress())
     sharpness = measure_sharpness(plan.trajectory, plan.viewpoints, plan.scenario)

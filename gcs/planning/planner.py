@@ -15,27 +15,26 @@ from gcs.core.plan import Plan, Viewpoint
 from gcs.planning.certificates import CertificateError, certify
 from gcs.planning.dynamics.energy import energy_wh, require_battery
 from gcs.planning.flights.battery_flights import flights_by_battery, join_flights
+from gcs.planning.flights.flight_base import FlightBase, rally_bases
+from gcs.planning.flights.flight_scene import prepare_scene
 from gcs.planning.flights.partial_inspection import part_of_faces, part_of_scenario
-from gcs.planning.flights.ways_home import MARGIN_M
+from gcs.planning.flights.plan_group import SortieSeries
+from gcs.planning.flights.rally_points import check_rally_points
+from gcs.planning.flights.sorties import BATTERY_SWAP_S
+from gcs.planning.flights.viewpoint_choice import choose_viewpoints
 from gcs.planning.paths.path_search import find_path
 from gcs.planning.paths.string_pulling import path_length
-from gcs.planning.scene.distance_field import build_distance_field, choose_pitch
-from gcs.planning.scene.fence import fence_volume
-from gcs.planning.scene.free_space import FreeSpace
-from gcs.planning.scene.mesh_simplification import PLANNING_ERROR_M, planning_mesh
-from gcs.planning.scene.point_distance import SceneDistance
-from gcs.planning.tours.tour import Tour, find_tour
-from gcs.planning.trajectories.safe_corridor import corridor_reach
-from gcs.planning.trajectories.time_allocation import FlightLimits
-from gcs.planning.trajectories.trajectory_builder import build_trajectory, estimated_leg_time_s
+from gcs.planning.tours.tour import Tour
+from gcs.planning.trajectories.trajectory_builder import build_trajectory
 from gcs.planning.variant_advice import variant_advice
 from gcs.planning.views.bound_beside import bound_beside
 from gcs.planning.views.coverage import SAMPLES, certify_coverage
-from gcs.planning.views.viewpoints import find_viewpoints, stand_off_reach
+from gcs.planning.views.image_sharpness import passing_speeds_m_s
+from gcs.planning.views.viewpoints import find_viewpoints
 from gcs.planning.views.viewpoints_spots import count_spots
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Iterator, Mapping, Sequence
 
     from numpy.typing import ArrayLike, NDArray
 
@@ -45,12 +44,11 @@ if TYPE_CHECKING:
     from gcs.core.structure import Structure
     from gcs.core.surface_coverage import SurfaceCoverage
     from gcs.planning.flights.battery_flights import Flight
+    from gcs.planning.flights.flight_scene import Scene
+    from gcs.planning.scene.free_space import FreeSpace
     from gcs.planning.trajectories.trajectory_builder import BuiltTrajectory
     from gcs.planning.views.cover_bound import CoverBound
     from gcs.planning.views.viewpoint_pose import ViewpointPose
-
-MOST_STAND_OFF_M = 40.0
-"""Room about the structure that is searched at most, whatever the camera could see from."""
 
 BACK_BENDS_M = 0.02
 """How much nearer than the hover itself the curve back into the free space may come."""
@@ -58,21 +56,10 @@ BACK_BENDS_M = 0.02
 MOST_DRIFT_M = 2.0
 """A hovering vehicle that is further than this from where it may be has to be flown clear by hand."""
 
-CURVE_ROOM_M = 0.01
-"""What the boxes about the path keep besides the clearance: a certificate may be half of it under the truth."""
-
 OPEN_SKY_STEP_S = 0.1
 
 SAMPLES_OF_PARTS = SAMPLES // 4
 """Points of the surface that one of several flights is judged by; all of them together are judged by more."""
-
-
-@dataclass(frozen=True, eq=False)
-class Scene:
-    """What is flown in, made once for a plan."""
-
-    distance: SceneDistance
-    space: FreeSpace
 
 
 @dataclass
@@ -91,7 +78,7 @@ class Stopwatch:
             self.seconds[name] = time.perf_counter() - started
 
 
-def make_plan(scenario: Scenario, structure: Structure, progress: Progress) -> Plan:
+def make_plan(scenario: Scenario, structure: Structure, progress: Progress) -> Plan | SortieSeries:
     """Plan an inspection.
 
     Args:
@@ -100,7 +87,8 @@ def make_plan(scenario: Scenario, structure: Structure, progress: Progress) -> P
         progress: told of every stage; may cancel.
 
     Returns:
-        A plan whose certificates hold.
+        A plan whose certificates hold; several of them when a battery is not enough and some flights are to start from
+        rally points.
 
     Raises:
         InputError: the scenario contradicts the structure; names the field.
@@ -110,20 +98,26 @@ def make_plan(scenario: Scenario, structure: Structure, progress: Progress) -> P
     watch = Stopwatch()
     with watch.stage("scene"):
         scene = prepare_scene(scenario, structure, progress)
+        check_rally_points(scenario, scene.distance)
     with watch.stage("viewpoints"):
         found = find_viewpoints(scenario, structure, scene.space, scene.distance, progress)
     with bound_beside(found.cover, progress) as bound:
-        plan = plan_tour(scenario, structure, scene, found.poses, progress, watch=watch, faces=found.faces)
+        planned = plan_tour(
+            scenario, structure, scene, found.poses, progress, watch=watch, faces=found.faces, others=found.others
+        )
         if found.cover is None:
-            return plan
-        return _with_bound(plan, bound(), fixed=len(found.poses) - len(found.cover.chosen))
+            return planned
+        return _with_bound(planned, bound(), fixed=len(found.poses) - len(found.cover.chosen))
 
 
-def _with_bound(plan: Plan, bound: CoverBound | None, fixed: int) -> Plan:
+def _with_bound(plan: Plan | SortieSeries, bound: CoverBound | None, fixed: int) -> Plan | SortieSeries:
     """The plan with the bound on its viewpoints, those that are fixed counted in."""
     if bound is None:
         return plan
     least = bound.views + fixed
+    if isinstance(plan, SortieSeries):
+        count = sum(len(part.viewpoints) for part in plan.plans)
+        return replace(plan, plans=tuple(_with_part_of_bound(part, least, count) for part in plan.plans))
     certificates = replace(plan.certificates, viewpoints_lower_bound=least, viewpoints_bound_solved=bound.solved)
     parts = tuple(_with_part_of_bound(part, least, len(plan.viewpoints)) for part in plan.parts)
     return replace(plan, certificates=certificates, parts=parts, stages_s={**plan.stages_s, "bound": bound.seconds})
@@ -136,47 +130,6 @@ def _with_part_of_bound(part: Plan, least: float, viewpoints: int) -> Plan:
     return replace(part, certificates=certificates)
 
 
-def prepare_scene(scenario: Scenario, structure: Structure, progress: Progress) -> Scene:
-    """Distance field and free space about a structure, with room to stand off and to fly over it.
-
-    Large meshes are simplified for it, and the error is kept besides; exact distances are always those of the full one.
-    """
-    safety = scenario.safety
-    planned = planning_mesh(structure, PLANNING_ERROR_M)
-    clearance = scenario.centre_clearance_m + planned.error_m + CURVE_ROOM_M
-    low, high = planning_volume(scenario, structure, clearance)
-    distance = SceneDistance(structure, scenario.ground_m)
-    field_ = build_distance_field(planned.structure, low, high, choose_pitch(low, high, clearance), progress)
-    own_return = scenario.vehicle.radius_m + safety.position_m + safety.model_m + MARGIN_M
-    space = FreeSpace(
-        field_,
-        clearance,
-        scenario.ground_m,
-        scenario.home_m,
-        fence_volume(scenario.fence, scenario.vehicle, safety),
-        progress,
-        reach_m=corridor_reach(safety.corridor_half_width_m),
-        climb_clearance_m=min(own_return, scenario.centre_clearance_m) + planned.error_m,
-        surfaces=distance.surfaces if planned.structure is structure else None,
-    )
-    return Scene(distance, space)
-
-
-def planning_volume(
-    scenario: Scenario, structure: Structure, clearance_m: float
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Low and high corner of what is searched: the structure, home, and room around them."""
-    bounds = structure.bounds_m
-    margin = min(stand_off_reach(scenario, structure, clearance_m), MOST_STAND_OFF_M) + clearance_m + 3.0
-    low, high = bounds[0] - margin, bounds[1] + margin
-    around_home = np.array([2.0, 2.0, 2.0]) + clearance_m
-    home = np.asarray(scenario.home_m)
-    low, high = np.minimum(low, home - around_home), np.maximum(high, home + around_home)
-    if scenario.ground_m is not None:
-        low[2] = max(low[2], min(scenario.ground_m, bounds[0, 2], home[2]) - 1.0)
-    return low, high
-
-
 def plan_tour(
     scenario: Scenario,
     structure: Structure,
@@ -186,7 +139,8 @@ def plan_tour(
     *,
     watch: Stopwatch | None = None,
     faces: tuple[FaceCoverage, ...] = (),
-) -> Plan:
+    others: Mapping[int, Sequence[ViewpointPose]] | None = None,
+) -> Plan | SortieSeries:
     """Order the viewpoints, fly them from home and back, and certify the whole.
 
     Args:
@@ -197,69 +151,96 @@ def plan_tour(
         progress: told of every stage; may cancel.
         watch: takes the stages' times.
         faces: what became of the cells of faces; carried into the plan.
+        others: for some of the viewpoints, by number, what may be taken instead where it shortens the tour.
+
+    Returns:
+        The plan, with its sorties when one battery is not enough; sorties alone when some are not from home.
 
     Raises:
         InfeasibleError: a viewpoint cannot be reached, a certificate does not hold, or the battery is too small.
     """
     watch = watch or Stopwatch()
-    vehicle = scenario.vehicle
-    limits = FlightLimits(vehicle.max_speed_m_s, vehicle.max_acceleration_m_s2, vehicle.max_jerk_m_s3)
-    places = np.array([p.position_m for p in poses]).reshape(-1, 3)
-    names = [p.name for p in poses]
-
-    def leg_time(lengths: NDArray[np.float64]) -> NDArray[np.float64]:
-        return estimated_leg_time_s(lengths, limits)
-
-    def tour_through(some: Sequence[int]) -> Tour:
-        return find_tour(
-            scene.space,
-            scenario.home_m,
-            places[list(some)],
-            scenario.planner,
-            leg_time,
-            progress,
-            names=[names[k] for k in some],
-        )
-
+    home = FlightBase(scenario, scene)
     with watch.stage("tour"):
-        whole = tour_through(range(len(poses)))
+        poses, whole = choose_viewpoints(home, poses, others or {}, progress)
+    places = np.array([p.position_m for p in poses]).reshape(-1, 3)
     with watch.stage("trajectory"):
-        flights = flights_by_battery(
-            scenario,
-            scene.space,
+        flights, lower_bound = flights_by_battery(
+            home,
+            lambda: rally_bases(scenario, structure, places, progress),
             whole,
-            places,
-            names,
-            leg_time,
-            tour_through,
-            lambda tour: build_flight(scenario, scene.space, tour, poses, progress, watch),
+            poses,
+            lambda base, tour: build_flight(base.scenario, base.scene.space, tour, poses, progress, watch),
             progress,
+        )
+    if any(flight.base is not home for flight in flights):
+        plans = plans_of_flights(flights, "sortie", structure, poses, faces, progress)
+        ends = itertools.accumulate(plan.trajectory.duration_s + BATTERY_SWAP_S for plan in plans[:-1])
+        return SortieSeries(
+            plans=plans,
+            starts_s=(0.0, *ends),
+            coverage=coverage_together(home, plans, structure, progress),
+            rally=tuple(flight.base.rally for flight in flights),
+            tour_cost=sum(flight.tour.cost for flight in flights),
+            tour_lower_bound=lower_bound,
         )
     if len(flights) == 1:
         return plan_of_flight(scenario, structure, scene, flights[0], poses, faces, progress, watch)
-    joined, sorties = join_flights(flights, whole.lower_bound, scenario.safety.corridor_half_width_m, scene.space)
+    joined, sorties = join_flights(flights, lower_bound)
     plan = plan_of_flight(scenario, structure, scene, joined, poses, faces, progress, watch, sorties=sorties)
     with watch.stage("sorties"):
-        parts = []
-        for number, (flight, sortie) in enumerate(zip(flights, sorties, strict=True), start=1):
-            mine = {names[k] for k in flight.tour.order}
-            part = part_of_scenario(scenario, mine, f"sortie {number} of {len(flights)}")
-            seen = part_of_faces(scenario, faces, mine)
-            parts.append(
-                plan_of_flight(
-                    part,
-                    structure,
-                    scene,
-                    flight,
-                    poses,
-                    seen,
-                    progress,
-                    Stopwatch(),
-                    first_id=sortie.viewpoints[0],
-                    samples=SAMPLES_OF_PARTS,
-                )
+        parts = plans_of_flights(flights, "sortie", structure, poses, faces, progress)
+    return replace(plan, parts=parts)
+
+
+def plans_of_flights(
+    flights: Sequence[Flight],
+    kind: str,
+    structure: Structure,
+    poses: Sequence[ViewpointPose],
+    faces: tuple[FaceCoverage, ...],
+    progress: Progress,
+) -> tuple[Plan, ...]:
+    """A complete plan for each of several flights, with its part of the inspection; viewpoints are numbered through.
+
+    Args:
+        flights: their tours number the poses.
+        kind: of flight, for the plans' names.
+        structure: the placed structure.
+        poses: of all flights.
+        faces: what became of the cells of faces in all of them.
+        progress: told of every stage; may cancel.
+
+    Raises:
+        InfeasibleError: a certificate does not hold, or the battery is too small.
+    """
+    plans: list[Plan] = []
+    for number, flight in enumerate(flights, start=1):
+        scenario, mine = flight.base.scenario, {poses[int(k)].name for k in flight.tour.order}
+        plans.append(
+            plan_of_flight(
+                part_of_scenario(scenario, mine, f"{kind} {number} of {len(flights)}"),
+                structure,
+                flight.base.scene,
+                flight,
+                poses,
+                part_of_faces(scenario, faces, mine),
+                progress,
+                Stopwatch(),
+                first_id=sum(len(plan.viewpoints) for plan in plans),
+                samples=SAMPLES_OF_PARTS,
             )
-    return replace(plan, parts=tuple(parts))
+        )
+    return tuple(plans)
+
+
+def coverage_together(
+    base: FlightBase, plans: Sequence[Plan], structure: Structure, progress: Progress
+) -> SurfaceCoverage | None:
+    """What several plans see of the surface together; None when none was asked for."""
+    viewpoints = [view for plan in plans for view in plan.viewpoints]
+    fence = base.scene.space.model.fence
+    return certify_coverage(base.scenario, structure, viewpoints, fence, base.scene.distance, progress)
 
 
 def plan_of_flight(
@@ -384,8 +365,16 @@ def build_flight(
     """The trajectory of a tour that numbers the poses."""
     ordered = [poses[int(k)] for k in tour.order]
     with watch.stage("trajectory"):
-        yaw, pitch = np.array([p.yaw_rad for p in ordered]), np.array([p.gimbal_pitch_rad for p in ordered])
-        return build_trajectory(tour.legs_m, yaw, pitch, scenario, progress, space=space)
+        return build_trajectory(
+            tour.legs_m,
+            np.array([p.yaw_rad for p in ordered]),
+            np.array([p.gimbal_pitch_rad for p in ordered]),
+            scenario,
+            progress,
+            space=space,
+            passing_speeds_m_s=passing_speeds_m_s(ordered, scenario),
+            holds_s=np.array([p.hold_s for p in ordered]),
+        )
 
 
 def _certified(
@@ -430,6 +419,7 @@ def _certified(
         path_m=path,
         path_stops=stops,
         corridor_m=built.corridor_m,
+        corridor_planes=built.corridor_planes,
         trajectory=built.trajectory,
         yaw=built.yaw,
         gimbal_pitch=built.gimbal_pitch,
@@ -451,6 +441,8 @@ def _visited(number: int, place: int, pose: ViewpointPose | Viewpoint, built: Bu
         time_s=float(built.exposures_s[place]),
         yaw_rad=pose.yaw_rad,
         gimbal_pitch_rad=pose.gimbal_pitch_rad,
+        stops=bool(built.stops[place]),
+        hold_s=pose.hold_s,
     )
 
 

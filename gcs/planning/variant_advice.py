@@ -105,7 +105,8 @@ def _holds(
 ) -> bool:
     yaw = np.array([v.yaw_rad for v in viewpoints])
     pitch = np.array([v.gimbal_pitch_rad for v in viewpoints])
-    built = build_trajectory(legs_m, yaw, pitch, scenario, progress, space=space)
+    holds = np.array([v.hold_s for v in viewpoints])
+    built = build_trajectory(legs_m, yaw, pitch, scenario, progress, space=space, holds_s=holds)
     timed = [replace(v, time_s=float(t)) for v, t in zip(viewpoints, built.exposures_s, strict=True)]
     path = np.concatenate([legs_m[0][:1], *(leg[1:] for leg in legs_m)])
     figures = measure(built, path, timed, scenario, distance, progress)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import time
+from contextlib import suppress
 from dataclasses import replace
 from functools import lru_cache
 from typing import TYPE_CHECKING
@@ -19,11 +20,12 @@ from gcs.planning.scene.point_distance import SceneDistance
 from gcs.planning.trajectories.stream_loss import slow_for_stream_loss
 from gcs.services import preflight
 from gcs.services.failsafe_checks import OwnWaysOfVehicle, check_failsafes_along
+from gcs.services.failsafe_settings import set_failsafes
 from gcs.services.fence_rally import check_lists
-from gcs.services.flight_prediction import predict_flights
 from gcs.services.flight_types import PreflightCheck, PreflightReport
 from gcs.services.image_account import scene_position
-from gcs.services.mission_files import mission_of_plan
+from gcs.services.mission_fitting import fit_mission, predicted_mission, sampling_of
+from gcs.services.vehicle_model import vehicle_model
 from gcs.storage.plan_files import read_structure
 from gcs.storage.records import FlightPath
 
@@ -34,17 +36,21 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from gcs.core.fields import Point3
-    from gcs.core.flight_law import FlightLaw
+    from gcs.core.learned_dynamics import LearnedDynamics
     from gcs.core.plan import Plan
-    from gcs.core.vehicle import Autopilot, Failsafe, VehicleLimits
+    from gcs.core.vehicle import Failsafe, VehicleLimits
     from gcs.core.way_home import ReturnFlight
     from gcs.mavlink.vehicle import Vehicle
     from gcs.planning.flights.ways_home import Intervals, WaysHome
     from gcs.planning.trajectories.retiming import TimeWarp
+    from gcs.services.mission_fitting import FittedMission
     from gcs.storage.records import FlightRecord
 
 DEFAULT_OFFBOARD_TIMEOUT_S = 3.0
 """Taken for a vehicle that does not tell how long it flies on without setpoints: the longest that was measured."""
+
+TOLD_WITHIN_S = 3.0
+"""So long a vehicle is given to tell its battery and its position fix, before either counts as not told."""
 
 BRAKING_SHARE = 0.8
 """Share of the plan's acceleration limit that braking after a lost stream is counted with."""
@@ -75,46 +81,65 @@ class FlightChecks:
         flight: which flight.
         plan: what is flown.
         directory: the plan's folder, for its structure.
+        learned: what the vehicle's flights have shown of it.
         tell: takes what was changed on the vehicle, in words.
     """
 
-    def __init__(self, flight: FlightRecord, plan: Plan, directory: Path, tell: Callable[[str], None]) -> None:
+    def __init__(
+        self, flight: FlightRecord, plan: Plan, directory: Path, learned: LearnedDynamics, tell: Callable[[str], None]
+    ) -> None:
         self._flight = flight
         self._tell = tell
         self._plan = plan
         self._directory = directory
+        self._learned = learned
 
     async def report(self, vehicle: Vehicle, accepted: tuple[str, ...]) -> CheckedReport:
         """All checks, as far as they can be made now; nothing is changed on the vehicle."""
         limits = await vehicle.read_limits()
+        fitted = await self._fitted_or_uploaded(vehicle, limits)
         checks = [
-            *self._of_the_moment(vehicle),
+            *await self._of_the_moment(vehicle, fitted),
             await self._datum(vehicle),
-            *preflight.check_limits(self._plan, limits),
+            *self._limits(limits),
             *await check_lists(self._plan, vehicle, sent=False),
             *await self._ways_home(vehicle, limits, await vehicle.read_failsafes(), may_raise=True),
         ]
-        if self._flight.mode is FlightPath.OFFBOARD:
+        if self._offboard:
             checks.append(await self._stream_loss(limits))
-        checks += await self._prediction(vehicle, limits)
-        return self._report(checks, accepted)
+        return replace(self._report([*checks, *self._prediction(fitted)], accepted), prediction=fitted.prediction)
 
-    async def before_upload(self, vehicle: Vehicle, accepted: tuple[str, ...]) -> CheckedReport:
+    async def fitted(self, vehicle: Vehicle, most_items: int | None = None) -> FittedMission:
+        """The plan's mission for this vehicle, sampled so that its predicted flight keeps the clearance if any does.
+
+        Args:
+            vehicle: whose settings count.
+            most_items: more than that it does not store; None when it has not refused any.
+
+        Raises:
+            RefusedError: it has no room for any sampling.
+        """
+        return await self._fit(vehicle, await vehicle.read_limits(), most_items)
+
+    async def before_upload(self, vehicle: Vehicle, fitted: FittedMission, accepted: tuple[str, ...]) -> CheckedReport:
         """Limits, predicted flight, failsafes, ways home; the return altitude is raised where that clears the way."""
+        await set_failsafes(vehicle, accepted, self._tell)
         limits = await vehicle.read_limits()
-        checks = [*preflight.check_limits(self._plan, limits), *await self._prediction(vehicle, limits)]
+        checks = [*self._limits(limits), *self._prediction(fitted)]
         checks += await check_lists(self._plan, vehicle, sent=False)
         return await self._with_ways_home(vehicle, limits, checks, accepted)
 
     async def before_start(self, vehicle: Vehicle, accepted: tuple[str, ...]) -> CheckedReport:
         """Everything, on the ground and just before arming."""
+        await set_failsafes(vehicle, accepted, self._tell)
         limits = await vehicle.read_limits()
+        fitted = await self._fitted_or_uploaded(vehicle, limits)
         checks = [
-            *self._of_the_moment(vehicle),
+            *await self._of_the_moment(vehicle, fitted),
             await self._datum(vehicle),
-            *preflight.check_limits(self._plan, limits),
-            *await self._prediction(vehicle, limits),
-            *await check_lists(self._plan, vehicle, sent=self._flight.mode is FlightPath.MISSION),
+            *self._limits(limits),
+            *self._prediction(fitted),
+            *await check_lists(self._plan, vehicle, sent=not self._offboard),
         ]
         return await self._with_ways_home(vehicle, limits, checks, accepted)
 
@@ -122,7 +147,7 @@ class FlightChecks:
         """What can be asked of a vehicle that is to go on from where it hovers."""
         limits = await vehicle.read_limits()
         checks = [preflight.check_link(vehicle.telemetry, vehicle.last_heard_s, time.monotonic())]
-        checks += preflight.check_limits(self._plan, limits)
+        checks += self._limits(limits)
         checks.append(preflight.check_energy(self._plan, vehicle.telemetry))
         checks += await self._ways_home(vehicle, limits, await vehicle.read_failsafes(), may_raise=False)
         return self._report(checks, accepted)
@@ -174,30 +199,45 @@ class FlightChecks:
         except InfeasibleError as error:
             raise RefusedError(f"stream loss: {error.message}", field=vehicle.identity.name) from error
 
+    @property
+    def _offboard(self) -> bool:
+        return self._flight.mode is FlightPath.OFFBOARD
+
     def _report(self, checks: list[PreflightCheck], accepted: tuple[str, ...]) -> CheckedReport:
         return CheckedReport(self._flight.id, utc_now(), preflight.with_acceptance(checks, accepted))
 
-    def _of_the_moment(self, vehicle: Vehicle) -> list[PreflightCheck]:
-        telemetry = vehicle.telemetry
+    async def _of_the_moment(self, vehicle: Vehicle, fitted: FittedMission) -> list[PreflightCheck]:
+        with suppress(LinkError):  # a vehicle that was just found may not have been heard of everything yet
+            await vehicle.until(lambda: _told(vehicle), TOLD_WITHIN_S, "its state")
+        telemetry, found = vehicle.telemetry, fitted.prediction
+        way = None if found is None else found.offboard if self._offboard else found.mission
         return [
             preflight.check_link(telemetry, vehicle.last_heard_s, time.monotonic()),
             preflight.check_on_ground(telemetry),
             preflight.check_fix(telemetry),
-            preflight.check_energy(self._plan, telemetry),
+            preflight.check_energy(self._plan, telemetry, None if way is None else way.time_s),
+            preflight.check_camera(vehicle.camera_component, vehicle.camera),
         ]
 
-    async def _prediction(self, vehicle: Vehicle, limits: VehicleLimits) -> list[PreflightCheck]:
-        """How the vehicle will fly it with its settings; nothing where that is not known."""
-        found = await asyncio.to_thread(self._predicted, vehicle.identity.autopilot, limits.flight_law)
-        return [] if found is None else [found]
+    def _limits(self, limits: VehicleLimits) -> list[PreflightCheck]:
+        return preflight.check_limits(self._plan, limits, self._learned)
 
-    def _predicted(self, autopilot: Autopilot, law: FlightLaw | None) -> PreflightCheck | None:
-        mission = mission_of_plan(self._plan, autopilot)
-        scene = _scene(self._directory, self._plan.scenario.ground_m)
-        found = predict_flights(self._plan, scene, mission, autopilot, law)
-        if found is None:
-            return None
-        return preflight.check_prediction(found, offboard=self._flight.mode is FlightPath.OFFBOARD)
+    def _prediction(self, fitted: FittedMission) -> list[PreflightCheck]:
+        return preflight.check_prediction(fitted, offboard=self._offboard)
+
+    async def _fitted_or_uploaded(self, vehicle: Vehicle, limits: VehicleLimits) -> FittedMission:
+        """The mission that was uploaded for this flight; the one that would be, before that."""
+        sampling = sampling_of(self._flight)
+        if sampling is None:
+            return await self._fit(vehicle, limits, None)
+        scene, autopilot = _scene(self._directory, self._plan.scenario.ground_m), vehicle.identity.autopilot
+        model = vehicle_model(autopilot, limits, self._learned)
+        return await asyncio.to_thread(predicted_mission, self._plan, scene, autopilot, model, sampling)
+
+    async def _fit(self, vehicle: Vehicle, limits: VehicleLimits, most_items: int | None) -> FittedMission:
+        scene, autopilot = _scene(self._directory, self._plan.scenario.ground_m), vehicle.identity.autopilot
+        model = vehicle_model(autopilot, limits, self._learned)
+        return await asyncio.to_thread(fit_mission, self._plan, scene, autopilot, model, most_items)
 
     async def _datum(self, vehicle: Vehicle) -> PreflightCheck:
         try:
@@ -341,3 +381,7 @@ def _seconds(intervals: Intervals) -> float:
 @lru_cache(maxsize=4)
 def _scene(directory: Path, ground_m: float | None) -> SceneDistance:
     return SceneDistance(read_structure(directory), ground_m)
+
+
+def _told(vehicle: Vehicle) -> bool:
+    return vehicle.telemetry.battery is not None and vehicle.telemetry.gps_fix is not None

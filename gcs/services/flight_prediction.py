@@ -17,35 +17,33 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from gcs.core.errors import InputError
-from gcs.core.flight_law import Airframe, ArduPilotLaw, Px4Law
+from gcs.core.flight_law import ArduPilotLaw
 from gcs.core.frames import enu_from_geodetic
 from gcs.core.mission import Command
-from gcs.core.vehicle import Autopilot
 from gcs.planning.dynamics.ardupilot_mission import predict_ardupilot_mission
 from gcs.planning.dynamics.flown_path import clearance_of_flight, deviation_from_curve
 from gcs.planning.dynamics.predicted_flight import MissionRoute, SetpointStream
 from gcs.planning.dynamics.px4_mission import predict_px4_mission
 from gcs.planning.dynamics.setpoint_following import predict_ardupilot_stream, predict_px4_stream
 from gcs.planning.scene.room import HOME_COLUMN_RADIUS_M
-from gcs.services.mission_files import mission_of_plan
+from gcs.services.home_column import column_times, streamed_times
 
 if TYPE_CHECKING:
-    from gcs.core.flight_law import FlightLaw
+    from gcs.core.flight_law import Airframe, FlightLaw
     from gcs.core.mission import Mission
     from gcs.core.plan import Plan
+    from gcs.core.vehicle import Autopilot
     from gcs.planning.dynamics.predicted_flight import PredictedFlight
     from gcs.planning.scene.point_distance import SceneDistance
+    from gcs.services.vehicle_model import VehicleModel
 
 STREAM_HZ = 20.0
-USUAL_LAWS: dict[Autopilot, FlightLaw] = {Autopilot.PX4: Px4Law(), Autopilot.ARDUPILOT: ArduPilotLaw()}
-"""Settings as delivered, for vehicles whose parameters are not known."""
-
 _CURVE_STEP_S = 0.02
 _STOP_S = 0.1
 _SLOW_LANDING_M = 10.0
 _SLOWEST_LANDING_M = 5.0
 _PATIENCE = 1.5
-"""A mission is preferred to setpoints, which need the station and its link all along, until it takes so much longer."""
+"""A mission is preferred to setpoints, which need the station and its link all along, until it moves so much longer."""
 
 
 @dataclass(frozen=True)
@@ -53,7 +51,7 @@ class Forecast:
     """How one way to fly a plan is predicted to go.
 
     Attributes:
-        time_s: from take-off to the ground; of setpoints as the plan has it, which is longer when pictures are late.
+        time_s: from take-off to the ground; of setpoints without what they wait for pictures.
         waits_s: how much of it the mission stands still for pictures.
         mean_deviation_m: from the plan's curve.
         max_deviation_m: likewise.
@@ -95,17 +93,21 @@ class FlightPrediction:
         autopilot: whose way of flying it is.
         mission: flown by the autopilot alone.
         offboard: as setpoints from the station.
+        mission_items: how many items the mission has.
         needed_clearance_m: what either must keep.
         choice: `mission` or `offboard`.
         why: the choice in a sentence.
+        basis: what of the vehicle is known for it, and what is only usual.
     """
 
     autopilot: Autopilot
     mission: Forecast
     offboard: Forecast
+    mission_items: int
     needed_clearance_m: float
     choice: str
     why: str
+    basis: str
 
     def as_json(self) -> dict[str, Any]:
         """As `report.json` has it."""
@@ -114,53 +116,31 @@ class FlightPrediction:
     @property
     def line(self) -> str:
         """In a line for people."""
-        return f"{self.autopilot.value}: {self.why}"
+        return f"{self.autopilot.value}: {self.why} ({self.basis})"
 
 
-def predict_flights(
-    plan: Plan,
-    scene: SceneDistance,
-    mission: Mission,
-    autopilot: Autopilot,
-    law: FlightLaw | None = None,
-    airframe: Airframe | None = None,
-) -> FlightPrediction | None:
+def predict_flights(plan: Plan, scene: SceneDistance, mission: Mission, model: VehicleModel) -> FlightPrediction:
     """Predict both ways to fly a plan.
 
     Args:
         plan: one flight, not several sorties.
         scene: exact distance to what stands in the scene.
-        mission: as it is uploaded to this kind of autopilot.
-        autopilot: PX4 or ArduPilot.
-        law: the vehicle's settings; the usual ones when not known.
-        airframe: its drag and lag; usual ones when not known.
-
-    Returns:
-        None for autopilots whose way of flying is not known.
+        mission: as it is uploaded to this vehicle.
+        model: of the vehicle.
     """
-    law = law or USUAL_LAWS.get(autopilot)
-    if law is None:
-        return None
-    airframe = airframe or Airframe()
-    curve = _curve(plan)
+    law, airframe = model.law, model.airframe
     route = mission_route(plan, mission, home_is_first=isinstance(law, ArduPilotLaw))
     flown = predict_mission(route, law, airframe)
     landing = _landing_s(float(flown.position_m[-1, 2] - plan.scenario.home_m[2]), law)
     forecasts = (
-        _forecast(flown, curve, plan, scene, landing, float(route.hold_s.sum())),
-        _forecast(predict_offboard(plan, law, airframe), curve, plan, scene),
+        _forecast(
+            flown, plan, scene, (0.0, plan.trajectory.duration_s), after_s=landing, waits_s=float(route.hold_s.sum())
+        ),
+        _offboard_forecast(plan, scene, model),
     )
     needed = needed_clearance_m(plan)
     choice, why = _choose(*forecasts, needed, plan.scenario.safety.tracking_m)
-    return FlightPrediction(autopilot, *forecasts, needed, choice, why)
-
-
-def predict_usual_flights(plan: Plan, scene: SceneDistance) -> list[FlightPrediction]:
-    """Both ways to fly a plan on vehicles with their autopilot's usual settings; none for a plan of several sorties."""
-    if plan.sorties:
-        return []
-    found = (predict_flights(plan, scene, mission_of_plan(plan, kind), kind) for kind in USUAL_LAWS)
-    return [prediction for prediction in found if prediction is not None]
+    return FlightPrediction(model.autopilot, *forecasts, len(mission.items), needed, choice, why, model.basis)
 
 
 def needed_clearance_m(plan: Plan) -> float:
@@ -176,14 +156,19 @@ def predict_mission(route: MissionRoute, law: FlightLaw, airframe: Airframe) -> 
     return predict_px4_mission(route, law, airframe)
 
 
-def predict_offboard(plan: Plan, law: FlightLaw, airframe: Airframe) -> PredictedFlight:
-    """The path of the plan's curve as setpoints; the station adds the drag where the autopilot takes it."""
-    times = np.append(np.arange(0.0, plan.trajectory.duration_s, 1 / STREAM_HZ), plan.trajectory.duration_s)
-    times = times[np.append(True, np.diff(times) > 1e-6)]
-    position, velocity, acceleration = (plan.trajectory.value(times, k) for k in range(3))
+def predict_offboard(plan: Plan, model: VehicleModel) -> PredictedFlight:
+    """The path of the plan's curve as setpoints, between the columns over home.
+
+    The station asks for an acceleration against the drag in advance, where the autopilot takes it.
+    """
+    law, airframe = model.law, model.airframe
+    times, plan_s, rates = streamed_times(plan, 1 / STREAM_HZ)
+    position, velocity, acceleration = (plan.trajectory.value(plan_s, k) for k in range(3))
+    rate, change = rates[:, None], np.gradient(rates, times)[:, None]
+    acceleration, velocity = acceleration * rate**2 + velocity * change, velocity * rate
     if isinstance(law, ArduPilotLaw):
         return predict_ardupilot_stream(SetpointStream(times, position, velocity, acceleration), law, airframe)
-    acceleration = acceleration + airframe.drag_1_s * velocity * np.array([1.0, 1.0, 0.0])
+    acceleration = acceleration + model.fed_drag_1_s * velocity * np.array([1.0, 1.0, 0.0])
     return predict_px4_stream(SetpointStream(times, position, velocity, acceleration), law, airframe)
 
 
@@ -219,30 +204,37 @@ def mission_route(plan: Plan, mission: Mission, *, home_is_first: bool) -> Missi
     return MissionRoute(np.array(places), np.array(radii), np.array(holds), speeds.get(1), speeds.get(2), speeds.get(3))
 
 
-def _curve(plan: Plan) -> np.ndarray[tuple[int, ...], np.dtype[np.float64]]:
-    duration = plan.trajectory.duration_s
-    return plan.trajectory.value(np.linspace(0.0, duration, math.ceil(duration / _CURVE_STEP_S) + 1))
+def _offboard_forecast(plan: Plan, scene: SceneDistance, model: VehicleModel) -> Forecast:
+    """Take-off and landing in the columns are the autopilot's own; they take what the plan gives them."""
+    leave, enter = column_times(plan)
+    after = plan.trajectory.duration_s - enter
+    return _forecast(predict_offboard(plan, model), plan, scene, (leave, enter), before_s=leave, after_s=after)
 
 
 def _forecast(
     flight: PredictedFlight,
-    curve: np.ndarray[tuple[int, ...], np.dtype[np.float64]],
     plan: Plan,
     scene: SceneDistance,
-    landing_s: float = 0.0,
+    part_s: tuple[float, float],
+    *,
+    before_s: float = 0.0,
+    after_s: float = 0.0,
     waits_s: float = 0.0,
 ) -> Forecast:
-    apart = deviation_from_curve(flight, curve)
+    """Figures of a flight along a part of a plan's curve, with what comes before and after it."""
+    first, last = part_s
+    samples = np.linspace(first, last, math.ceil((last - first) / _CURVE_STEP_S) + 2)
+    apart = deviation_from_curve(flight, plan.trajectory.value(samples))
     scenario = plan.scenario
     nearest = clearance_of_flight(flight, scene, scenario.vehicle.radius_m, scenario.home_m, HOME_COLUMN_RADIUS_M)
     return Forecast(
-        time_s=flight.duration_s + landing_s,
+        time_s=before_s + flight.duration_s + after_s,
         waits_s=waits_s,
         mean_deviation_m=apart.mean_m,
         max_deviation_m=apart.max_m,
         min_clearance_m=nearest.hull_m,
         place_m=nearest.place_m,
-        at_s=nearest.at_s,
+        at_s=before_s + nearest.at_s,
         finished=flight.finished,
     )
 
@@ -275,6 +267,7 @@ def _choose(mission: Forecast, offboard: Forecast, needed_m: float, tracking_m: 
     if not offboard.keeps(needed_m):
         return "mission", f"fly it as a mission: as setpoints {offboard.problem(needed_m)}"
     follows = offboard.max_deviation_m <= max(tracking_m, mission.max_deviation_m)
-    if follows and mission.time_s > _PATIENCE * offboard.time_s:
+    # A stream waits for its pictures too, and nobody knows how long.
+    if follows and mission.time_s - mission.waits_s > _PATIENCE * offboard.time_s:
         return "offboard", f"fly it offboard, which keeps the clearance too and is much quicker ({both})"
     return "mission", f"fly it as a mission, which keeps the clearance and needs no stream ({both})"

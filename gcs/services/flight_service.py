@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import asyncio
 import logging
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from gcs.core.clock import new_id, utc_now
@@ -15,13 +16,15 @@ from gcs.core.errors import ConflictError, GcsError, LinkError, RefusedError
 from gcs.mavlink.canonical_form import compare
 from gcs.mavlink.events import VehicleFoundEvent
 from gcs.services.fence_rally import upload_lists
+from gcs.services.fitted_upload import remember_sampling, upload_fitted
 from gcs.services.flight_checks import FlightChecks
 from gcs.services.flight_log import FlightLogs
 from gcs.services.flight_recorder import ERROR, NOTICE, FlightRecorder
 from gcs.services.flight_run import IN_THE_AIR, FlightRun
 from gcs.services.flight_types import OnVehicleMission, PreflightReport, allowed_actions
-from gcs.services.mission_files import mission_of_plan
+from gcs.services.mission_fitting import USUAL_SAMPLING, sampled_mission, sampling_of
 from gcs.services.offboard_flight import OffboardFlight, StreamEndedError
+from gcs.services.operator_commands import OneAtATime, require_confirmation
 from gcs.services.resumed_plan import plan_from_here
 from gcs.storage.records import FlightPath, FlightRecord, FlightState, UploadState
 
@@ -31,7 +34,9 @@ if TYPE_CHECKING:
     from gcs.core.mission import Mission
     from gcs.core.plan import Plan
     from gcs.mavlink.vehicle import Vehicle
+    from gcs.planning.trajectories.retiming import TimeWarp
     from gcs.services.live_feed import LiveFeed
+    from gcs.services.mission_fitting import FittedMission
     from gcs.services.plan_service import PlanService
     from gcs.services.vehicle_service import VehicleService
     from gcs.storage.database import Database
@@ -135,8 +140,8 @@ class FlightControlService:
 
     # ---- what operators ask ----
 
-    async def create(self, plan_id: str, vehicle: str, mode: FlightPath) -> FlightRecord:
-        """Prepare a flight; nothing is sent to the vehicle."""
+    async def create(self, plan_id: str, vehicle: str, mode: FlightPath | None) -> FlightRecord:
+        """Prepare a flight; without a mode one is chosen by the prediction. Nothing is changed on the vehicle."""
         identity = self._vehicles.vehicle(vehicle).identity
         plan, record = self._plans.read(plan_id), self._plans.get(plan_id).plan
         if plan.sorties:
@@ -156,14 +161,20 @@ class FlightControlService:
             plan_hash=record.plan_hash or "",
             vehicle=identity.name,
             system_id=identity.system_id,
-            mode=mode,
+            mode=mode or FlightPath.MISSION,
             state=FlightState.CREATED,
             created_at=now,
             updated_at=now,
             viewpoints=len(plan.viewpoints),
         )
+        why = ""
+        if mode is None:
+            found = (await self._checks(flight, plan).fitted(self._vehicles.vehicle(vehicle))).prediction
+            if found is not None:
+                flight = replace(flight, mode=FlightPath(found.choice))
+                why = f": {found.why}, predicted with {found.basis}"
         self._database.flights.add(flight)
-        self._recorder(flight.id).log("state", f"prepared for {identity.name}, {mode}", severity=NOTICE)
+        self._recorder(flight.id).log("state", f"prepared for {identity.name}, {flight.mode}{why}", severity=NOTICE)
         return flight
 
     async def preflight(self, flight_id: str) -> PreflightReport:
@@ -176,16 +187,16 @@ class FlightControlService:
         flight, vehicle, plan = self._loaded(flight_id)
         self._demand(flight, "upload")
         if confirm is not None:
-            _confirmed(vehicle, confirm)
+            require_confirmation(vehicle, confirm)
         recorder = self._recorder(flight_id)
         async with self._alone(flight_id):
             accepted = self._accept(recorder, flight, accept)
             checks = self._checks(flight, plan)
-            (await checks.before_upload(vehicle, accepted)).demand()
+            fitted = await checks.fitted(vehicle)
+            (await checks.before_upload(vehicle, fitted, accepted)).demand()
             recorder.change(proved=False)
-            recorder.enter(FlightState.UPLOADING, "sending the mission")
-            mission = mission_of_plan(plan, vehicle.identity.autopilot)
-        self._uploads[flight_id] = self._spawn(self._upload(recorder, vehicle, plan, mission))
+            recorder.enter(FlightState.UPLOADING, f"sending the mission, {fitted.sampling.words}")
+        self._uploads[flight_id] = self._spawn(self._upload(recorder, vehicle, plan, fitted))
         return recorder.flight
 
     async def on_vehicle(self, flight_id: str) -> OnVehicleMission:
@@ -234,7 +245,7 @@ class FlightControlService:
         """Check, arm, take off and fly; the confirmation names the vehicle."""
         flight, vehicle, plan = self._loaded(flight_id)
         self._demand(flight, "start")
-        _confirmed(vehicle, confirm)
+        require_confirmation(vehicle, confirm)
         self._failures.pop(flight_id, None)
         recorder = self._recorder(flight_id)
         async with self._alone(flight_id):
@@ -259,7 +270,7 @@ class FlightControlService:
             if flight.mode is FlightPath.OFFBOARD:
                 warp = await checks.stream_loss_warp(vehicle)
                 recorder.change(started_at=utc_now())
-                self._stream(run, OffboardFlight(plan, warp, vehicle, recorder, run.collector))
+                self._stream(run, self._offboard(run, plan, warp))
                 return recorder.flight
             try:
                 await vehicle.start_mission()
@@ -274,7 +285,7 @@ class FlightControlService:
         """Go on from where the vehicle is; the confirmation names the vehicle."""
         flight, vehicle, plan = self._loaded(flight_id)
         self._demand(flight, "resume")
-        _confirmed(vehicle, confirm)
+        require_confirmation(vehicle, confirm)
         run, recorder = self._run(flight_id), self._recorder(flight_id)
         async with self._alone(flight_id):
             accepted = self._accept(recorder, flight, accept)
@@ -296,7 +307,7 @@ class FlightControlService:
                 (await checks.in_the_air(vehicle, accepted)).demand()
                 warp = await checks.stream_loss_warp(vehicle)
                 run.tracker.follow(rest.trajectory)
-                self._stream(run, OffboardFlight(rest, warp, vehicle, recorder, run.collector))
+                self._stream(run, self._offboard(run, rest, warp))
         return recorder.flight
 
     async def pause(self, flight_id: str) -> FlightRecord:
@@ -355,16 +366,22 @@ class FlightControlService:
         recorder.enter(state, how)
         return recorder.flight
 
-    async def _upload(self, recorder: FlightRecorder, vehicle: Vehicle, plan: Plan, mission: Mission) -> None:
-        upload = self._database.flights.begin_upload(recorder.flight_id, len(mission.items))
+    async def _upload(self, recorder: FlightRecorder, vehicle: Vehicle, plan: Plan, fitted: FittedMission) -> None:
+        upload = self._database.flights.begin_upload(recorder.flight_id, len(fitted.mission.items))
+        remember_sampling(recorder, fitted)
         self._failures.pop(recorder.flight_id, None)
 
         class Told:
             def report(self, stage: str, fraction: float) -> None:
                 recorder.upload_progress(stage, fraction)
 
+        async def refit(most_items: int) -> FittedMission:
+            coarser = await self._checks(recorder.flight, plan).fitted(vehicle, most_items)
+            remember_sampling(recorder, coarser)
+            return coarser
+
         try:
-            proof = await vehicle.upload_mission(mission, Told())
+            proof, _ = await upload_fitted(vehicle, fitted, refit, recorder.notice, Told())
             lists = await upload_lists(plan, vehicle, Told())
         except (GcsError, asyncio.CancelledError) as error:
             self._database.flights.end_upload(upload.id, UploadState.FAILED, problem=str(error) or "cancelled")
@@ -386,6 +403,10 @@ class FlightControlService:
         )
         recorder.change(proved=True)
         recorder.enter(FlightState.UPLOADED, f"proved: {how}")
+
+    def _offboard(self, run: FlightRun, plan: Plan, warp: TimeWarp) -> OffboardFlight:
+        learned = self._database.dynamics.of(run.vehicle.identity.name)
+        return OffboardFlight(plan, warp, run.vehicle, run.recorder, run.collector, learned)
 
     def _stream(self, run: FlightRun, offboard: OffboardFlight) -> None:
         run.offboard = offboard
@@ -409,6 +430,7 @@ class FlightControlService:
                 run.over.set()
                 await self._drop(recorder.flight_id)
         recorder.change(plan_time_s=offboard.plan_time_s)
+        self._database.dynamics.keep(run.vehicle.identity.name, recorder.flight_id, offboard.learned)
 
     def _follow(self, flight: FlightRecord, vehicle: Vehicle, *, airborne: bool = False) -> FlightRun:
         run = FlightRun(self._plans.read(flight.plan_id), flight.plan_hash, vehicle, self._recorder(flight.id))
@@ -444,7 +466,7 @@ class FlightControlService:
 
     def _mission(self, flight: FlightRecord) -> Mission:
         autopilot = self._vehicles.vehicle(flight.vehicle).identity.autopilot
-        return mission_of_plan(self._plans.read(flight.plan_id), autopilot)
+        return sampled_mission(self._plans.read(flight.plan_id), autopilot, sampling_of(flight) or USUAL_SAMPLING)
 
     def _checks(self, flight: FlightRecord, plan: Plan) -> FlightChecks:
         recorder = self._recorder(flight.id)
@@ -452,6 +474,7 @@ class FlightControlService:
             flight,
             plan,
             self._plans.directory(flight.plan_id),
+            self._database.dynamics.of(flight.vehicle),
             recorder.notice,
         )
 
@@ -466,32 +489,11 @@ class FlightControlService:
         if action not in allowed_actions(flight.state, flight.mode):
             raise ConflictError(f"cannot {action} a flight that is {flight.state}", field=flight.id)
 
-    def _alone(self, flight_id: str) -> _Alone:
-        return _Alone(self._busy, flight_id)
+    def _alone(self, flight_id: str) -> OneAtATime:
+        return OneAtATime(self._busy, flight_id)
 
     def _spawn(self, work: Coroutine[None, None, None]) -> asyncio.Task[None]:
         task = asyncio.get_running_loop().create_task(work)
         self._tasks.add(task)
         task.add_done_callback(self._tasks.discard)
         return task
-
-
-class _Alone:
-    """One command of a flight at a time."""
-
-    def __init__(self, busy: set[str], flight_id: str) -> None:
-        self._busy = busy
-        self._flight_id = flight_id
-
-    async def __aenter__(self) -> None:
-        if self._flight_id in self._busy:
-            raise ConflictError("another command of this flight is under way", field=self._flight_id)
-        self._busy.add(self._flight_id)
-
-    async def __aexit__(self, *error: object) -> None:
-        self._busy.discard(self._flight_id)
-
-
-def _confirmed(vehicle: Vehicle, confirm: str) -> None:
-    if confirm.strip() not in {vehicle.identity.name, str(vehicle.identity.system_id)}:
-        raise RefusedError(f"the confirmation does not name the vehicle: type {vehicle.identity.name}", field="confirm")

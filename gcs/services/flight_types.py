@@ -9,6 +9,7 @@ from gcs.storage.records import FlightPath, FlightState
 
 if TYPE_CHECKING:
     from gcs.core.mission import MissionItem
+    from gcs.services.flight_prediction import FlightPrediction
     from gcs.storage.records import FlightRecord, UploadState
 
 CheckState = Literal["ok", "refused", "needs_acceptance", "accepted", "unknown"]
@@ -39,11 +40,13 @@ class PreflightReport:
         flight_id: the flight they are for.
         at: when, UTC ISO 8601.
         checks: in the order in which they matter.
+        prediction: of both ways to fly the plan; None where that is not known or was not asked.
     """
 
     flight_id: str
     at: str
     checks: tuple[PreflightCheck, ...]
+    prediction: FlightPrediction | None = None
 
     @property
     def ok(self) -> bool:
@@ -123,8 +126,11 @@ class FlightService(Protocol):
     async def close(self) -> None:
         """At the end of the station: stop streams; vehicles go on under their own control."""
 
-    async def create(self, plan_id: str, vehicle: str, mode: FlightPath) -> FlightRecord:
-        """Prepare a flight; nothing is sent to the vehicle."""
+    async def create(self, plan_id: str, vehicle: str, mode: FlightPath | None) -> FlightRecord:
+        """Prepare a flight; nothing is changed on the vehicle.
+
+        Without a mode both ways are predicted with the settings that the vehicle is asked for, and one is chosen.
+        """
         ...
 
     async def preflight(self, flight_id: str) -> PreflightReport:

@@ -55,7 +55,7 @@ async def fly_plan(
     out: Path,
     url: str,
     *,
-    mode: str,
+    mode: str | None,
     confirm: Callable[[str], Awaitable[str]],
     accept: tuple[str, ...],
     data_dir: Path | None,
@@ -68,7 +68,7 @@ async def fly_plan(
     Args:
         out: the plan's folder.
         url: of the link to the vehicle.
-        mode: `mission` or `offboard`.
+        mode: `mission` or `offboard`; chosen by the prediction of both when not given.
         confirm: asked with the vehicle's name, returns what the operator typed.
         accept: failsafes that are off, and unknown values, accepted by name.
         data_dir: where the flight is recorded.
@@ -101,11 +101,16 @@ class _Flying:
     """One flight from the command line."""
 
     def __init__(
-        self, services: StationServices, out: Path, mode: str, accept: tuple[str, ...], say: Callable[[str], None]
+        self,
+        services: StationServices,
+        out: Path,
+        mode: str | None,
+        accept: tuple[str, ...],
+        say: Callable[[str], None],
     ) -> None:
         self._services = services
         self._plan_id = services.plans.adopt(out).plan.id
-        self._mode = FlightPath(mode)
+        self._mode = None if mode is None else FlightPath(mode)
         self._accept = accept
         self._say = say
         self._flight_id: str | None = None
@@ -122,7 +127,7 @@ class _Flying:
         flight = await flights.create(self._plan_id, name, self._mode)
         self._flight_id = flight.id
         say(f"flight {flight.id}")
-        if self._mode is FlightPath.MISSION:
+        if flight.mode is FlightPath.MISSION:
             await flights.upload(flight.id, confirm=None, accept=self._accept)
             await flights.wait_for_upload(flight.id)
         _show(await flights.preflight(flight.id), say)

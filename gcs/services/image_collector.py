@@ -7,7 +7,8 @@ from contextlib import suppress
 from typing import TYPE_CHECKING
 
 from gcs.core.clock import new_id, utc_now
-from gcs.core.errors import GcsError, LinkError, StorageError
+from gcs.core.errors import GcsError, LinkError, NotFoundError, StorageError
+from gcs.mavlink.ftp_fetch import BrokenFetchError, PartialFile
 from gcs.services.flight_recorder import NOTICE, WARNING
 from gcs.services.image_account import ImageAccounting, scene_position
 from gcs.storage.records import ImageRecord, ImageState
@@ -30,7 +31,7 @@ class ImageCollector:
 
     Announced pictures with a file name are fetched at once. Vehicles that announce without a name (ArduPilot's
     CAMERA_FEEDBACK), and announcements that were lost, are found by listing the camera's folder; what was in it before
-    the flight is left out.
+    the flight is left out. A camera that serves no files is asked to send its newest picture at each announcement.
     """
 
     def __init__(self, plan: Plan, vehicle: Vehicle, recorder: FlightRecorder) -> None:
@@ -41,6 +42,9 @@ class ImageCollector:
         self._waiting: asyncio.Queue[ImageRecord] = asyncio.Queue()
         self._nameless: set[int] = set()
         self._counted: set[int] = set()
+        self._serves_files = True
+        self._newest: int | None = None
+        self._taken_at_s: float | None = None
         self.announced = asyncio.Event()
 
     @property
@@ -48,11 +52,17 @@ class ImageCollector:
         """How many pictures were announced since the start of this station."""
         return len(self._counted)
 
+    @property
+    def taken_at_s(self) -> float | None:
+        """When the picture that was announced last was taken, on the vehicle's clock; None when it did not tell."""
+        return self._taken_at_s
+
     async def remember_earlier(self) -> None:
         """Before the flight: write down what the camera's folder holds already."""
         try:
             names = sorted(await self._names())
         except GcsError as error:
+            self._serves_files = False
             self._recorder.log("image", f"the camera's folder cannot be listed: {error}", severity=WARNING)
             return
         self._recorder.log("image", f"{EARLIER}: {len(names)}", names=names)
@@ -60,12 +70,14 @@ class ImageCollector:
     def take(self, report: ImageReport) -> None:
         """The vehicle announces a picture."""
         self._counted.add(report.index)
+        self._taken_at_s = report.at_vehicle_s
         self.announced.set()
         if not report.success:
             self._recorder.log("image", f"picture {report.index} failed on the vehicle", severity=WARNING)
             return
         path = _plain_path(report.file)
-        if path is None:
+        self._newest = report.index if self._newest is None else max(self._newest, report.index)
+        if path is None and self._serves_files:
             if report.index not in self._nameless:
                 self._nameless.add(report.index)
                 self._recorder.log("image", f"picture {report.index} taken")
@@ -139,31 +151,44 @@ class ImageCollector:
                 self._waiting.put_nowait(self._recorder.image(image))
 
     async def _fetch(self, image: ImageRecord) -> None:
-        if image.vehicle_path is None:
-            return
         self._recorder.change_image(image.id, state=ImageState.FETCHING)
+        name = image.vehicle_path or f"picture {image.index}"
         problem = ""
+        resume: PartialFile | None = None
         for attempt in range(TRIES):
             if attempt:
                 await asyncio.sleep(RETRY_S * attempt)
             try:
-                file = await self._vehicle.fetch_file(image.vehicle_path)
-                await self._recorder.store_image_aside(image, file.data, crc32=file.crc32)
+                data, crc32, checked = await self._bring(image, resume)
+                await self._recorder.store_image_aside(image, data, crc32=crc32)
             except StorageError as error:
                 self._recorder.problem(f"pictures cannot be kept, they stay on the vehicle: {error}")
                 problem = str(error)
                 break
             except GcsError as error:
                 problem = str(error)
+                resume = error.partial if isinstance(error, BrokenFetchError) else None
                 if not isinstance(error, LinkError) and attempt >= 1:
                     break
             else:
-                checked = "CRC-32 agrees" if file.confirmed else "the vehicle offers no CRC-32 to compare"
-                self._recorder.log("image", f"{image.vehicle_path} received, {len(file.data)} bytes, {checked}")
+                self._recorder.log("image", f"{name} received, {len(data)} bytes, {checked}")
                 await self._accounting.settle_aside()
                 return
         self._recorder.change_image(image.id, state=ImageState.FAILED, problem=problem)
-        self._recorder.log("image", f"{image.vehicle_path} not received: {problem}", severity=NOTICE)
+        self._recorder.log("image", f"{name} not received: {problem}", severity=NOTICE)
+
+    async def _bring(self, image: ImageRecord, resume: PartialFile | None) -> tuple[bytes, int | None, str]:
+        """A picture's bytes, their CRC-32 where the vehicle can tell it, and how they were checked, in words."""
+        if image.vehicle_path is not None:
+            file = await self._vehicle.fetch_file(image.vehicle_path, resume=resume)
+            confirmed = "CRC-32 agrees" if file.confirmed else "the vehicle offers no CRC-32 to compare"
+            return file.data, file.crc32, confirmed
+        if image.index != self._newest:
+            raise NotFoundError("the camera sends its newest picture only, and has taken another")
+        picture = await self._vehicle.request_picture()
+        if image.index != self._newest:
+            raise NotFoundError("the camera has taken another picture meanwhile")
+        return picture.data, None, "sent by the camera packet by packet, without a checksum"
 
     async def _names(self) -> set[str]:
         listing = await self._vehicle.list_files(FOLDER)

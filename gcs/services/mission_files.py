@@ -67,11 +67,11 @@ def mission_of_plan(
     Args:
         plan: the plan.
         autopilot: whose words to use.
-        limits: what the vehicle can take; without, any number of items is written.
+        limits: speeds that it commands at most; the plan's own when not given.
         chord_error_m: how far the plan's curve may lie from the straight legs between waypoints.
 
     Raises:
-        RefusedError: more items than the vehicle stores, or the plan is several sorties.
+        RefusedError: the plan is several sorties.
     """
     if plan.sorties:
         raise RefusedError(

@@ -1,4 +1,6 @@
-"""An offboard flight: the plan streamed as setpoints, halting at every viewpoint until its picture is taken.
+"""An offboard flight: the plan streamed as setpoints, halting where it stops for a picture until that is taken.
+
+Pictures of viewpoints that it flies through are commanded in passing (`passing_pictures`).
 
 What the vehicle shows of its drag and its lag on the way goes back into the stream. Acceleration is asked for in
 addition against the drag of the setpoint's horizontal velocity, which is what the tilt tells about. The lag is a lead
@@ -17,18 +19,22 @@ import numpy as np
 
 from gcs.core.errors import GcsError, LinkError, RefusedError
 from gcs.core.frames import geodetic_from_enu, rigid_between, wrap_angle
+from gcs.core.learned_dynamics import NOTHING_LEARNED
 from gcs.mavlink.offboard import Setpoint
-from gcs.planning.dynamics.tracking_prediction import predict_tracking, usual_quadrotor
-from gcs.planning.dynamics.wind_gusts import WindGusts
+from gcs.planning.views.viewing_angles import HOLD_S
 from gcs.services.flight_recorder import WARNING
+from gcs.services.home_column import SLEW, column_times
+from gcs.services.passing_pictures import PassingPictures
 from gcs.services.plan_clock import PlanClock
 from gcs.services.stream_feed_forward import StreamFeedForward
+from gcs.services.tracking_forecast import GUSTS, forecast_tracking
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from numpy.typing import NDArray
 
+    from gcs.core.learned_dynamics import LearnedDynamics
     from gcs.core.motion import MotionSample
     from gcs.core.plan import Plan, Viewpoint
     from gcs.mavlink.offboard import OffboardSession
@@ -39,17 +45,9 @@ if TYPE_CHECKING:
     from gcs.services.plan_clock import ClockReading
 
 HORIZONTAL = np.array([1.0, 1.0, 0.0])
-COLUMN_M = 0.2
-"""Within this of home, seen from above, the vehicle is in the take-off and landing column."""
-
-SLEW = 0.4
-"""Change of the plan clock's rate per second; from full rate it stops within 1 / (2 SLEW) s of plan time."""
-
-FOLLOWS_M = 2.0
-"""A vehicle that is further than this from where it should stand does not follow the stream."""
-
-GUSTS = WindGusts(deviation_m_s=1.0)
-"""Wind for the prediction before take-off: light gusts."""
+FOLLOWS_M, FOLLOWS_S = 2.0, 1.0
+"""A vehicle that is further than this from where it should stand, or in flight from where it should have been so long
+ago, does not follow the stream."""
 
 INFORMATION = 6
 FEED_S = 0.1
@@ -58,6 +56,7 @@ DEADMAN_S = 1.0
 SETTLE_TIMEOUT_S = 10.0
 SETTLED_M, SETTLED_M_S = 0.3, 0.3
 SETTLED_YAW_RAD, SETTLED_PITCH_RAD = math.radians(5.0), math.radians(3.0)
+POLL_S, PASSING_POLL_S = 0.05, 0.005
 PICTURE_TIMEOUT_S = 4.0
 PICTURE_TRIES = 3
 
@@ -77,10 +76,17 @@ class OffboardFlight:
         vehicle: who flies.
         recorder: where it is written down.
         collector: hears of the pictures.
+        learned: what the vehicle's earlier flights have shown of its drag and lag.
     """
 
     def __init__(
-        self, plan: Plan, warp: TimeWarp, vehicle: Vehicle, recorder: FlightRecorder, collector: ImageCollector
+        self,
+        plan: Plan,
+        warp: TimeWarp,
+        vehicle: Vehicle,
+        recorder: FlightRecorder,
+        collector: ImageCollector,
+        learned: LearnedDynamics = NOTHING_LEARNED,
     ) -> None:
         self._plan = plan
         self._warp = warp
@@ -94,13 +100,20 @@ class OffboardFlight:
         self._take_off_m = float(plan.trajectory.value(leave)[2])
         self._rotation = np.eye(3)
         self._shift = np.zeros(3)
-        self._feed_forward = StreamFeedForward(accelerates=vehicle.takes_acceleration_forward)
+        self._known_before = learned
+        self._feed_forward = StreamFeedForward(accelerates=vehicle.takes_acceleration_forward, learned=learned)
         self._due_s = self._clock.time_s
+        self._passing = PassingPictures(vehicle, collector, recorder)
 
     @property
     def plan_time_s(self) -> float:
         """How far along the plan the vehicle is due to be."""
         return float(self._warp.plan_time(self._due_s))
+
+    @property
+    def learned(self) -> LearnedDynamics:
+        """What is known of the vehicle by now."""
+        return self._known_before if self._session is None else self._feed_forward.learned
 
     def pause(self) -> None:
         """Slow down to a hover; the stream goes on."""
@@ -143,42 +156,36 @@ class OffboardFlight:
             session.fly(self.setpoint)
             on_flying()
             self._clock.resume()
-            for viewpoint in self._plan.viewpoints:
-                await self._photograph(viewpoint)
+            viewpoints = self._plan.viewpoints
+            for previous, viewpoint in zip((None, *viewpoints[:-1]), viewpoints, strict=True):
+                self._clock.gate_s = self._next_gate_s(viewpoint)
+                if viewpoint.stops:
+                    await self._photograph(viewpoint, previous)
+                else:
+                    await self._photograph_in_passing(viewpoint, previous)
             self._clock.gate_s = math.inf
             stop_at_s = self._land_at_s - 0.5 / SLEW
             await self._until(lambda: self._clock.time_s >= stop_at_s, math.inf, "the way home")
             self._clock.pause()
             await self._until(lambda: self._clock.stopped, math.inf, "the vehicle to stop over home")
             await self._vehicle.land()
+            await self._passing.settle()
         finally:
             self._vehicle.on_motion = None
             feeding.cancel()
+            self._passing.cancel()
 
     async def _predict(self) -> None:
         """Say before take-off how closely a rigid body of the vehicle's mass could fly this."""
-        plan, parameters = self._plan, usual_quadrotor(self._plan.scenario.vehicle.mass_kg)
-        found = await asyncio.to_thread(
-            predict_tracking,
-            plan.trajectory,
-            plan.yaw,
-            parameters=parameters,
-            gusts=GUSTS,
-            seed=plan.scenario.planner.seed,
-        )
-        hardest = found.thrust_n[1] / parameters.max_motor_thrust_n
+        found = await asyncio.to_thread(forecast_tracking, self._plan)
+        f = found.figures
         self._recorder.log(
             "offboard",
-            f"predicted for a usual quadrotor of {parameters.mass_kg:g} kg in gusts of {GUSTS.deviation_m_s:g} m/s: "
-            f"up to {found.deviation_m:.2f} m beside the curve, {found.mean_deviation_m:.2f} m in the mean, yaw within "
-            f"{math.degrees(found.yaw_rad):.1f}°, motors up to {hardest:.0%}",
-            severity=WARNING if found.saturated_share > 0.0 else INFORMATION,
-            deviation_m=found.deviation_m,
-            mean_deviation_m=found.mean_deviation_m,
-            axes_m=list(found.axes_m),
-            yaw_rad=found.yaw_rad,
-            thrust_n=list(found.thrust_n),
-            saturated_share=found.saturated_share,
+            f"predicted for a usual quadrotor of {found.mass_kg:g} kg in gusts of {GUSTS.deviation_m_s:g} m/s: up to "
+            f"{f.deviation_m:.2f} m beside the curve, {f.mean_deviation_m:.2f} m in the mean, yaw within "
+            f"{math.degrees(f.yaw_rad):.1f}°, motors up to {f.thrust_n[1] / found.most_thrust_n:.0%}",
+            severity=WARNING if f.saturated_share > 0.0 else INFORMATION,
+            **found.as_json(),
         )
 
     def setpoint(self, vehicle_s: float) -> Setpoint | None:
@@ -221,21 +228,47 @@ class OffboardFlight:
             session.feed()
             await asyncio.sleep(FEED_S)
 
-    async def _photograph(self, viewpoint: Viewpoint) -> None:
-        self._clock.gate_s = gate = self._warp.time_of(viewpoint.time_s)
+    def _next_gate_s(self, viewpoint: Viewpoint) -> float:
+        """Time of the first stop from a viewpoint on."""
+        stops = (v for v in self._plan.viewpoints if v.stops and v.time_s >= viewpoint.time_s)
+        following = next(stops, None)
+        return math.inf if following is None else self._warp.time_of(following.time_s)
+
+    async def _photograph_in_passing(self, viewpoint: Viewpoint, previous: Viewpoint | None) -> None:
+        if previous is None or previous.stops or previous.gimbal_pitch_rad != viewpoint.gimbal_pitch_rad:
+            await self._until_steady_no_more(previous)
+            self._passing.start(self._point_camera(viewpoint))
+        due = self._warp.time_of(viewpoint.time_s)
+        lag = self._passing.lag_s
+        await self._until(lambda: self._due_s + lag >= due, math.inf, viewpoint.name, PASSING_POLL_S)
+        session = self._session
+        if session is not None:
+            self._passing.trigger(viewpoint, session.vehicle_now(), lambda: self._distance_from(viewpoint))
+        speed = float(np.linalg.norm(self._plan.trajectory.value(viewpoint.time_s, 1)))
+        self._require_near(viewpoint, FOLLOWS_M + speed * FOLLOWS_S)
+
+    async def _until_steady_no_more(self, previous: Viewpoint | None) -> None:
+        """Wait until the camera may turn away from a viewpoint that was flown through."""
+        if previous is not None and not previous.stops:
+            until = self._warp.time_of(previous.time_s + HOLD_S)
+            await self._until(lambda: self._due_s >= until, math.inf, f"the picture of {previous.name}", PASSING_POLL_S)
+
+    async def _point_camera(self, viewpoint: Viewpoint) -> None:
         try:
             await self._vehicle.point_gimbal(viewpoint.gimbal_pitch_rad)
         except GcsError as error:
             self._recorder.problem(f"{viewpoint.name}: the gimbal was not pointed: {error}")
+
+    async def _photograph(self, viewpoint: Viewpoint, previous: Viewpoint | None) -> None:
+        await self._until_steady_no_more(previous)
+        await self._point_camera(viewpoint)
+        gate = self._clock.gate_s
         await self._until(lambda: self._clock.time_s >= gate, math.inf, viewpoint.name)
+        await self._passing.settle()
         try:
             await self._until(lambda: self._settled(viewpoint), SETTLE_TIMEOUT_S, f"{viewpoint.name} to settle")
         except LinkError:
-            off_m = self._distance_from(viewpoint)
-            if off_m is None or off_m > FOLLOWS_M:
-                where = "not known where" if off_m is None else f"{off_m:.0f} m from where"
-                text = f"it does not follow the stream: at {viewpoint.name} it is {where} it should be"
-                raise RefusedError(text, field=self._vehicle.identity.name) from None
+            self._require_near(viewpoint, FOLLOWS_M)
             self._recorder.log(
                 "viewpoint", f"{viewpoint.name}: not settled, photographed all the same", severity=WARNING
             )
@@ -251,6 +284,14 @@ class OffboardFlight:
             else:
                 return
         self._recorder.problem(f"{viewpoint.name}: the vehicle announced no picture")
+
+    def _require_near(self, viewpoint: Viewpoint, within_m: float) -> None:
+        """End the flight when the vehicle is elsewhere: nothing leads it."""
+        off_m = self._distance_from(viewpoint)
+        if off_m is None or off_m > within_m:
+            where = "not known where" if off_m is None else f"{off_m:.0f} m from where"
+            text = f"it does not follow the stream: at {viewpoint.name} it is {where} it should be"
+            raise RefusedError(text, field=self._vehicle.identity.name)
 
     def _settled(self, viewpoint: Viewpoint) -> bool:
         """Whether vehicle and camera stand still and look where they should, as far as telemetry tells."""
@@ -271,7 +312,7 @@ class OffboardFlight:
             return None
         return float(np.linalg.norm(place.value - (self._rotation @ viewpoint.position_m + self._shift)))
 
-    async def _until(self, holds: Callable[[], bool], timeout_s: float, what: str) -> None:
+    async def _until(self, holds: Callable[[], bool], timeout_s: float, what: str, poll_s: float = POLL_S) -> None:
         """Wait, and notice the stream's end meanwhile."""
         loop = asyncio.get_running_loop()
         give_up_at = loop.time() + timeout_s
@@ -282,19 +323,4 @@ class OffboardFlight:
                 raise StreamEndedError(f"the stream of setpoints ended: {detail}")
             if loop.time() >= give_up_at:
                 raise LinkError(f"waited {timeout_s:g} s in vain for {what}")
-            await asyncio.sleep(0.05)
-
-
-def column_times(plan: Plan) -> tuple[float, float]:
-    """When the plan leaves the take-off column over home, and when it has entered the landing column (plan time, s).
-
-    A plan that begins in the air leaves at 0.
-    """
-    t = np.arange(0.0, plan.trajectory.duration_s, 0.02)
-    p = plan.trajectory.value(t)
-    aside = np.hypot(*(p - np.asarray(plan.scenario.home_m))[:, :2].T)
-    outside = np.flatnonzero(aside > COLUMN_M)
-    if len(outside) == 0:
-        return 0.0, 0.0
-    first, last = int(outside[0]), int(outside[-1])
-    return float(t[max(first - 1, 0)]), float(t[min(last + 1, len(t) - 1)])
+            await asyncio.sleep(poll_s)

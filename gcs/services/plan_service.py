@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from gcs.core.clock import new_id, utc_now
 from gcs.core.errors import ConflictError, GcsError, InputError, NotFoundError, OperationCancelled
+from gcs.core.plan import Plan
 from gcs.core.progress import SilentProgress
 from gcs.core.scenario import Scenario, parse_scenario
 from gcs.services.live_feed import JobChanged, LiveFeed, PlanChanged, PlanDeleted
@@ -21,13 +22,14 @@ from gcs.storage.records import Failure, JobRecord, JobState, PlanRecord, PlanSt
 
 if TYPE_CHECKING:
     from gcs.core.frames import GeoPoint
-    from gcs.core.plan import Plan
     from gcs.core.progress import Progress
     from gcs.core.structure import Structure
     from gcs.jobs.planning_jobs import PlanningJobs
+    from gcs.planning.fleet import Fleet
+    from gcs.planning.flights.plan_group import SortieSeries
+    from gcs.services.plan_group_writing import WrittenGroup
     from gcs.services.plan_writing import WrittenPlan
     from gcs.storage.database import Database
-    from gcs.storage.fleet_files import FleetDocument
 
 log = logging.getLogger(__name__)
 
@@ -41,14 +43,17 @@ class PlanView:
     files: tuple[str, ...] = ()
 
 
-def write_planned(scenario: Scenario, base: Path, out: Path, progress: Progress) -> WrittenPlan:
+def write_planned(scenario: Scenario, base: Path, out: Path, progress: Progress) -> WrittenPlan | WrittenGroup:
     """Plan and write all files.
 
     Args:
         scenario: what is asked.
         base: folder that mesh files are relative to.
-        out: folder to make; one that holds an earlier plan is replaced.
+        out: folder to make; one that holds earlier plans is replaced.
         progress: told of every stage; may cancel.
+
+    Returns:
+        One plan; or several, for several vehicles, or when some sorties start from rally points.
 
     Raises:
         InputError: the scenario or a mesh cannot be used, or `out` is not ours to replace.
@@ -56,32 +61,33 @@ def write_planned(scenario: Scenario, base: Path, out: Path, progress: Progress)
         StorageError: the disk did not take it; nothing half-written stays.
         OperationCancelled: the progress said so.
     """
-    from gcs.planning.planner import make_plan
-    from gcs.services.plan_writing import write_certified
+    scenario, structure = _resolved(scenario, base, out, progress)
+    planned = _planned(scenario, structure, progress)
+    if isinstance(planned, Plan):
+        from gcs.services.plan_writing import write_certified
 
+        return write_certified(planned, structure, out, progress)
+    from gcs.services.plan_group_writing import write_plan_group
+
+    return write_plan_group(scenario, planned, structure, out, progress)
+
+
+def _planned(scenario: Scenario, structure: Structure, progress: Progress) -> Plan | Fleet | SortieSeries:
     if scenario.vehicle.count > 1:
-        raise InputError("this makes the plan of one vehicle: use 1, or `gcs plan` for several", field="vehicle.count")
-    scenario, structure = _resolved(scenario, base, out, progress)
-    plan = make_plan(scenario, structure, progress)
-    return write_certified(plan, structure, out, progress)
+        from gcs.planning.fleet import plan_fleet
 
+        return plan_fleet(scenario, structure, progress)
+    from gcs.planning.planner import make_plan
 
-def write_fleet_planned(scenario: Scenario, base: Path, out: Path, progress: Progress) -> FleetDocument:
-    """Plan for several vehicles and write all files; arguments and errors as of `write_planned`."""
-    from gcs.planning.fleet import plan_fleet
-    from gcs.services.fleet_plan import write_fleet_plan
-
-    scenario, structure = _resolved(scenario, base, out, progress)
-    fleet = plan_fleet(scenario, structure, progress)
-    return write_fleet_plan(scenario, fleet, structure, out, progress)
+    return make_plan(scenario, structure, progress)
 
 
 def _resolved(scenario: Scenario, base: Path, out: Path, progress: Progress) -> tuple[Scenario, Structure]:
     """The scenario with all that its structure says, and the structure."""
-    from gcs.storage.fleet_files import check_fleet_output
     from gcs.storage.mesh_files import load_structure, sample_inspection
+    from gcs.storage.plan_files import check_output
 
-    check_fleet_output(out)
+    check_output(out)
     progress.report("load", 0.0)
     structure, source = load_structure(scenario.structure, base)
     inspection = scenario.inspection or sample_inspection(source.sample, structure)
@@ -93,26 +99,17 @@ def _resolved(scenario: Scenario, base: Path, out: Path, progress: Progress) -> 
     return scenario.model_copy(update=update), structure
 
 
-def plan_to_directory(scenario_path: Path, out: Path, progress: Progress | None = None) -> WrittenPlan:
-    """`gcs plan`: from a scenario file to a folder with a plan; raises as `write_planned`."""
+def plan_to_directory(scenario_path: Path, out: Path, progress: Progress | None = None) -> WrittenPlan | WrittenGroup:
+    """`gcs plan`: from a scenario file to a folder with a plan, or several; raises as `write_planned`."""
     from gcs.storage.scenario_files import read_scenario_file
 
     scenario = read_scenario_file(scenario_path)
     return write_planned(scenario, scenario_path.parent, out, progress or SilentProgress())
 
 
-def fleet_to_directory(scenario_path: Path, out: Path, progress: Progress | None = None) -> FleetDocument:
-    """`gcs plan` for several vehicles: a folder with the plan of each; raises as `write_planned`."""
-    from gcs.storage.scenario_files import read_scenario_file
-
-    scenario = read_scenario_file(scenario_path)
-    return write_fleet_planned(scenario, scenario_path.parent, out, progress or SilentProgress())
-
-
-def plan_job(progress: Progress, scenario: dict[str, Any], base: str, out: str) -> tuple[str, dict[str, Any]]:
-    """What a worker process does for one plan; returns the plan's hash and report."""
-    written = write_planned(parse_scenario(scenario), Path(base), Path(out), progress)
-    return written.plan_hash, written.report
+def plan_job(progress: Progress, scenario: dict[str, Any], base: str, out: str) -> None:
+    """What a worker process does for one plan."""
+    write_planned(parse_scenario(scenario), Path(base), Path(out), progress)
 
 
 class PlanService:
@@ -243,15 +240,7 @@ class PlanService:
             InputError: the folder holds no plan, or not a whole one.
             StorageError: the disk did not take it.
         """
-        from gcs.storage.plan_files import (
-            FILE_NAMES,
-            is_plan_directory,
-            part_directories,
-            plan_hash,
-            read_plan,
-            read_report,
-            read_structure,
-        )
+        from gcs.storage.plan_files import part_directories, plan_hash, read_plan, read_report, read_structure
 
         plan, own_hash = read_plan(directory), plan_hash(directory)
         for known in self._database.plans.all():
@@ -268,10 +257,7 @@ class PlanService:
             plan_hash=own_hash,
             report=report,
         )
-        with new_directory(self._folder / record.id, is_plan_directory) as folder:
-            for name in FILE_NAMES:
-                if (directory / name).is_file():
-                    shutil.copyfile(directory / name, folder / name)
+        self._take_files(directory, record.id)
         self._database.plans.add(record)
         for part in part_directories(directory):
             self.adopt(part)
@@ -320,8 +306,6 @@ class PlanService:
         self._feed.publish(PlanDeleted(plan_id))
 
     async def _run(self, plan: PlanRecord, job: JobRecord) -> None:
-        from gcs.storage.plan_files import part_directories
-
         def on_progress(stage: str, fraction: float) -> None:
             changed_stage = self._progress.get(job.id, ("", 0.0))[0] != stage
             self._progress[job.id] = (stage, fraction)
@@ -330,13 +314,10 @@ class PlanService:
             self._feed.publish(JobChanged(replace(job, state=JobState.RUNNING, stage=stage, fraction=fraction)))
 
         try:
-            plan_hash, report = await self._jobs.run(
-                job.id, plan_job, plan.scenario, str(self._structures), str(self._folder / plan.id), tell=on_progress
-            )
+            folder = self._folder / plan.id
+            await self._jobs.run(job.id, plan_job, plan.scenario, str(self._structures), str(folder), tell=on_progress)
             self._end(job, JobState.DONE)
-            self._database.plans.mark_ready(plan.id, plan_hash, report)
-            for part in part_directories(self._folder / plan.id):
-                self.adopt(part)
+            self._take_over(plan.id)
         except OperationCancelled as error:
             self._end(job, JobState.CANCELLED)
             self._database.plans.mark_ended(plan.id, PlanState.CANCELLED, Failure(error.title, error.message))
@@ -354,6 +335,30 @@ class PlanService:
             self._running.pop(plan.id, None)
             self._progress.pop(job.id, None)
             self._feed.publish(PlanChanged(self.get(plan.id)))
+
+    def _take_over(self, plan_id: str) -> None:
+        """List what a job wrote. Of sorties that have no plan in common the first takes the plan's place."""
+        from gcs.storage.plan_files import is_group_directory, part_directories, plan_hash, read_plan, read_report
+
+        folder = self._folder / plan_id
+        parts = part_directories(folder)
+        in_common = not is_group_directory(folder)
+        for part in parts if in_common else parts[1:]:
+            self.adopt(part)
+        if not in_common:
+            self._take_files(parts[0], plan_id)
+            scenario = read_plan(folder).scenario
+            self._database.plans.narrow(plan_id, scenario.name, scenario.model_dump(mode="json", exclude_none=True))
+        self._database.plans.mark_ready(plan_id, plan_hash(folder), read_report(folder))
+
+    def _take_files(self, directory: Path, plan_id: str) -> None:
+        """Put a copy of a plan's files, without those of its parts, where the station keeps them."""
+        from gcs.storage.plan_files import FILE_NAMES, is_ours
+
+        with new_directory(self._folder / plan_id, is_ours) as folder:
+            for name in FILE_NAMES:
+                if (directory / name).is_file():
+                    shutil.copyfile(directory / name, folder / name)
 
     def _end(self, job: JobRecord, state: JobState) -> None:
         stage, fraction = self._progress.get(job.id, ("", 0.0))

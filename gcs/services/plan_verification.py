@@ -18,13 +18,14 @@ from gcs.planning.scene.visibility import SightLines
 from gcs.planning.views.camera_footprint import faces_camera, in_image
 from gcs.planning.views.viewpoints import points_to_inspect
 from gcs.services.coverage_verification import check_gimbal, recheck_coverage
-from gcs.services.fleet_plan import verify_fleet
-from gcs.services.flight_prediction import predict_usual_flights
 from gcs.services.mission_files import mission_files
+from gcs.services.mission_fitting import predict_usual_flights
+from gcs.services.plan_group_verification import verify_group
 from gcs.services.sortie_verification import verify_sorties
-from gcs.storage.fleet_files import FLEET_FILE
+from gcs.services.tracking_forecast import forecast_tracking
 from gcs.storage.plan_document import face_entry
 from gcs.storage.plan_files import own_ways_report, plan_tables, read_plan, read_report, read_structure, sorties_report
+from gcs.storage.plan_group_files import has_group
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -42,12 +43,15 @@ ENERGY_TOLERANCE = 0.01
 PREDICTION_TOLERANCE = 0.02
 """Of predicted times, deviations and clearances, relative above 1."""
 
+TRACKING_TOLERANCE = 1e-3
+"""Of predicted tracking errors, m or rad."""
+
 OWN_WAYS_TOLERANCE = 1e-3
 """Of the times, heights and counts of what the vehicle can do by itself."""
 
 
 def verify_plan(directory: Path) -> list[Check]:
-    """Check a written plan again, or the plans of a fleet.
+    """Check a written plan again, or a group of plans.
 
     Returns:
         The checks; a file that cannot be read is one that does not hold, and the only one.
@@ -55,8 +59,8 @@ def verify_plan(directory: Path) -> list[Check]:
     Raises:
         InputError: there is no plan.
     """
-    if (directory / FLEET_FILE).is_file():
-        return verify_fleet(directory, verify_plan)
+    if has_group(directory):
+        return verify_group(directory, verify_plan)
     if not (directory / "plan.json").is_file():
         read_plan(directory)
     try:
@@ -72,6 +76,7 @@ def verify_plan(directory: Path) -> list[Check]:
         *verify_sorties(plan, directory, verify_plan),
         *_own_ways(plan, distance),
         *_predictions(plan, report, distance),
+        *_tracking(plan, report),
         *_named_points(plan, structure),
         *recheck_faces(plan, SightLines(structure), distance),
         check_gimbal(plan),
@@ -179,6 +184,20 @@ def _predictions(plan: Plan, report: dict[str, Any], distance: SceneDistance) ->
         return [Check("predictions", False, 0.0, 1.0, f"the report's predictions are not whole: {error!r}")]
     message = f"predicted anew, they differ by {apart:.3g} at most, {'the same' if same else 'another'} way is chosen"
     return [Check("predictions", same and apart <= PREDICTION_TOLERANCE, apart, PREDICTION_TOLERANCE, message)]
+
+
+def _tracking(plan: Plan, report: dict[str, Any]) -> list[Check]:
+    """How closely the plan can be flown is what the report says; older reports say nothing."""
+    told = report.get("tracking")
+    if not told:
+        return []
+    found = forecast_tracking(plan).as_json()
+    try:
+        apart = max(abs(float(told[key]) - float(found[key])) for key in ("deviation_m", "mean_deviation_m", "yaw_rad"))
+    except (KeyError, TypeError, ValueError) as error:
+        return [Check("tracking", False, 0.0, 1.0, f"the report's tracking is not whole: {error!r}")]
+    message = f"at most {found['deviation_m']:.2f} m beside the curve; the report is {apart:.2g} off"
+    return [Check("tracking", apart <= TRACKING_TOLERANCE, apart, TRACKING_TOLERANCE, message)]
 
 
 def _apart(found_s: Intervals, told_s: Intervals) -> float:

@@ -7,9 +7,10 @@ from typing import TYPE_CHECKING, Any
 
 from gcs.planning.flights.own_ways import describe_own_ways, find_own_ways
 from gcs.planning.scene.point_distance import SceneDistance
-from gcs.services.flight_prediction import predict_usual_flights
 from gcs.services.mission_files import mission_files
+from gcs.services.mission_fitting import predict_usual_flights
 from gcs.services.report_page import report_page
+from gcs.services.tracking_forecast import forecast_tracking
 from gcs.storage.plan_files import plan_contents, plan_report, write_plan
 
 if TYPE_CHECKING:
@@ -64,7 +65,10 @@ def account(plan: Plan, structure: Structure, progress: Progress) -> AccountedPl
     missions = mission_files(plan)
     report = plan_report(plan, mission_items=missions.items)
     report["predictions"] = [prediction.as_json() for prediction in predict_usual_flights(plan, scene)]
-    return AccountedPlan(plan, report, {**missions.files, "report.html": report_page(plan, structure, report).encode()})
+    tracking = None if plan.sorties else forecast_tracking(plan)
+    report["tracking"] = None if tracking is None else tracking.as_json()
+    page = report_page(plan, structure, report, tracking)
+    return AccountedPlan(plan, report, {**missions.files, "report.html": page.encode()})
 
 
 def write_certified(plan: Plan, structure: Structure, out: Path, progress: Progress) -> WrittenPlan:

@@ -10,8 +10,8 @@ from gcs.core.errors import GcsError, InputError
 from gcs.core.progress import SilentProgress
 from gcs.services.plan_writing import write_certified
 from gcs.services.resumed_plan import plan_from_home
-from gcs.storage.fleet_files import FLEET_FILE
 from gcs.storage.plan_files import part_directories, read_plan, read_structure
+from gcs.storage.plan_group_files import SortiesDocument, has_group, read_group
 from gcs.storage.records import ImageState
 
 if TYPE_CHECKING:
@@ -56,7 +56,8 @@ def next_flight(
         InputError: there is no plan, no such sortie, or nothing is left to picture.
         InfeasibleError: there is no plan for the rest.
     """
-    if (out / FLEET_FILE).is_file():
+    group = read_group(out) if has_group(out) else None
+    if group is not None and not isinstance(group, SortiesDocument):
         raise InputError("these are the plans of several vehicles: give one of them, such as vehicle-1", field=str(out))
     folders = part_directories(out) if out.is_dir() else []
     if sortie is not None and not 1 <= sortie <= len(folders):
@@ -66,6 +67,8 @@ def next_flight(
     if folders:
         number = sortie or _first_unfinished(folders, database, plans)
         chosen, said = folders[number - 1], f"sortie {number} of {len(folders)}"
+        if group is not None:
+            said += f", {group.sorties[number - 1].where}"
     if not rest:
         return NextFlight(chosen, said)
     plan = read_plan(chosen)

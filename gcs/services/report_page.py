@@ -11,12 +11,14 @@ from gcs.planning.flights.own_ways import describe_own_ways
 from gcs.services.report_coverage import STYLE as COVERAGE_STYLE
 from gcs.services.report_coverage import coverage_section
 from gcs.services.report_pictures import scene_view, speed_chart
+from gcs.services.report_tracking import tracking_section
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from gcs.core.plan import CellNote, Plan
     from gcs.core.structure import Structure
+    from gcs.services.tracking_forecast import TrackingForecast
 
 FIGURES: tuple[tuple[str, str, str], ...] = (
     ("min_clearance_m", "smallest hull clearance", "m"),
@@ -57,13 +59,16 @@ svg{background:#f6f8fa;border:1px solid #dde3e8}
 """
 
 
-def report_page(plan: Plan, structure: Structure, report: dict[str, Any]) -> str:
+def report_page(
+    plan: Plan, structure: Structure, report: dict[str, Any], tracking: TrackingForecast | None = None
+) -> str:
     """The page.
 
     Args:
         plan: a finished plan.
         structure: what is inspected.
         report: content of `report.json`.
+        tracking: how closely it can be flown; left out when None.
     """
     scenario = plan.scenario
     title = escape(scenario.name)
@@ -91,6 +96,7 @@ def report_page(plan: Plan, structure: Structure, report: dict[str, Any]) -> str
         f"<h2>Clearance budget</h2>{_budget(plan)}\n"
         f"{_own_ways(plan)}"
         f"{_predictions(report)}"
+        f"{'' if tracking is None else tracking_section(tracking)}"
         f"<h2>Viewpoints</h2>{_viewpoints(plan)}\n"
         f"<h2>Planning time</h2>{_stages(plan)}\n</body></html>\n"
     )

@@ -50,8 +50,8 @@ def scene_view(plan: Plan, structure: Structure, axes: tuple[int, int]) -> str:
     return (
         f'<svg width="{WIDTH_PX}" height="{HEIGHT_PX}" role="img">'
         f'<path class="s" d="{lines}"/><path class="c" d="{cables}"/>'
-        f'<polyline class="p" points="{_pairs(on_screen(path))}"/>'
-        f'<polyline class="t" points="{_pairs(on_screen(curve))}"/>{dots}'
+        f'<polyline class="p" points="{point_pairs(on_screen(path))}"/>'
+        f'<polyline class="t" points="{point_pairs(on_screen(curve))}"/>{dots}'
         f'<circle class="h" cx="{home[0]:.1f}" cy="{home[1]:.1f}" r="4"/>'
         f"{on_screen.ruler}</svg>"
     )
@@ -132,7 +132,7 @@ def speed_chart(plan: Plan) -> str:
         f'<line class="a" x1="{MARGIN_PX}" x2="{CHART_WIDTH_PX - MARGIN_PX}" y1="{bottom}" y2="{bottom}"/>'
         f'<line class="p" x1="{MARGIN_PX}" x2="{CHART_WIDTH_PX - MARGIN_PX}" y1="{limit_y:.1f}" y2="{limit_y:.1f}"/>'
         f'<text x="{MARGIN_PX}" y="{limit_y - 3:.1f}">limit {limit:g} m/s</text>'
-        f'<polyline class="t" points="{_pairs(np.stack([x(t), y(speed)], axis=-1))}"/>{marks}'
+        f'<polyline class="t" points="{point_pairs(np.stack([x(t), y(speed)], axis=-1))}"/>{marks}'
         f'<text x="{MARGIN_PX}" y="{CHART_HEIGHT_PX - 8}">0 s</text>'
         f'<text x="{CHART_WIDTH_PX - MARGIN_PX - 30}" y="{CHART_HEIGHT_PX - 8}">{duration:.0f} s</text></svg>'
     )
@@ -147,7 +147,8 @@ def _edges(structure: Structure, most: int = MAX_EDGES) -> NDArray[np.float64]:
     return structure.vertices_m[pairs]
 
 
-def _pairs(points: NDArray[np.float64]) -> str:
+def point_pairs(points: NDArray[np.float64]) -> str:
+    """Points of shape (N, 2) as a polyline has them."""
     return " ".join(f"{x:.1f},{y:.1f}" for x, y in points)
 
 

@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING
 
 from gcs.core.errors import RefusedError
 from gcs.core.progress import SilentProgress
-from gcs.planning.planner import plan_rest, prepare_scene
+from gcs.planning.flights.flight_scene import prepare_scene
+from gcs.planning.planner import plan_rest
 from gcs.services.image_account import scene_position
 from gcs.storage.plan_files import read_plan, read_structure
 
@@ -20,7 +21,7 @@ if TYPE_CHECKING:
     from gcs.core.plan import Plan
     from gcs.core.structure import Structure
     from gcs.mavlink.vehicle import Vehicle
-    from gcs.planning.planner import Scene
+    from gcs.planning.flights.flight_scene import Scene
 
 FRESH_S = 2.0
 

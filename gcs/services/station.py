@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import AsyncIterator, Callable
 from contextlib import AsyncExitStack, asynccontextmanager
 from typing import TYPE_CHECKING, TypeAlias
@@ -79,6 +80,7 @@ class StationServices:
         from gcs.storage.data_directory import owned_data_directory
         from gcs.storage.database import Database
         from gcs.storage.image_store import ImageStore
+        from gcs.storage.signing_keys import PASSPHRASE_VARIABLE, SigningKeyStore
         from gcs.storage.telemetry_log import TelemetryLogStore
 
         self.started_at = utc_now()
@@ -97,7 +99,8 @@ class StationServices:
             self.plans.open()
             stack.push_async_callback(self.plans.close)
             mavlink = (self._make_mavlink or _mavlink_station)()
-            self.vehicles = VehicleService(self.database, self.feed, mavlink, self._links)
+            keys = SigningKeyStore(self.data_dir, os.environ.get(PASSPHRASE_VARIABLE))
+            self.vehicles = VehicleService(self.database, self.feed, mavlink, self._links, keys)
             stack.push_async_callback(self.vehicles.close)
             await self.vehicles.open(stored_links=self._stored_links)
             self.flights = (self._make_flights or _flight_service)(self)

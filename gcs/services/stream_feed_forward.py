@@ -8,15 +8,16 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from gcs.core.learned_dynamics import NOTHING_LEARNED, LearnedDynamics
 from gcs.planning.dynamics.feed_forward import (
-    DRAG_SIGMA_S,
-    LAG_SIGMA_S,
     NO_FEED_FORWARD,
     DragEstimator,
     FeedForward,
     LagEstimator,
     TiltLagEstimator,
+    carried_over,
     eased,
+    known,
     usable,
 )
 
@@ -41,19 +42,26 @@ class StreamFeedForward:
 
     Args:
         accelerates: whether the vehicle takes another acceleration than that of the setpoints' own motion.
+        learned: what the vehicle's last flight ended with; the stream starts with it.
     """
 
-    def __init__(self, *, accelerates: bool) -> None:
+    def __init__(self, *, accelerates: bool, learned: LearnedDynamics = NOTHING_LEARNED) -> None:
         self._accelerates = accelerates
-        self._drag = DragEstimator()
-        self._lag = LagEstimator()
-        self._tilt_lag = TiltLagEstimator()
+        start = carried_over(learned)
+        self._drag = DragEstimator(start.drag)
+        self._lag = LagEstimator(start.lag)
+        self._tilt_lag = TiltLagEstimator(start.tilt_lag)
         self._lock = threading.Lock()
         self._sent: deque[tuple[float, NDArray[np.float64], NDArray[np.float64]]] = deque(maxlen=SENT_KEPT)
-        self._wanted = NO_FEED_FORWARD
+        self._wanted = self._usable()
         self._present = NO_FEED_FORWARD
         self._at_s: float | None = None
         self._said = NO_FEED_FORWARD
+
+    @property
+    def learned(self) -> LearnedDynamics:
+        """What is known of the vehicle by now."""
+        return known(self._drag.estimate, self._lag.estimate, self._tilt_lag.estimate)
 
     @property
     def present(self) -> FeedForward:
@@ -85,8 +93,11 @@ class StreamFeedForward:
         asked = self._asked_at(sample.vehicle_s)
         if asked is not None:
             self._lag.add(sample.vehicle_s, sample.position_m, *asked)
-        wanted = usable(self._drag.estimate, self._lag.estimate, self._tilt_lag.estimate)
-        self._wanted = wanted if self._accelerates else FeedForward(lead_s=wanted.lead_s)
+        self._wanted = self._usable()
+
+    def _usable(self) -> FeedForward:
+        wanted = usable(self.learned)
+        return wanted if self._accelerates else FeedForward(lead_s=wanted.lead_s)
 
     def news(self) -> tuple[str, dict[str, Any]] | None:
         """A line for the flight's log when what is learned has changed by something, and its numbers."""
@@ -95,17 +106,19 @@ class StreamFeedForward:
         if abs(wanted.drag_s - said.drag_s) < WORTH_SAYING_DRAG_S and max(map(abs, lags)) < WORTH_SAYING_LAG_S:
             return None
         self._said = wanted
-        drag, lag, tilt_lag = self._drag.estimate, self._lag.estimate, self._tilt_lag.estimate
-        known = []
-        if drag.sigma <= DRAG_SIGMA_S:
-            known.append(f"drag {drag.value:.2f} ± {drag.sigma:.2f} m/s² per m/s, {wanted.drag_s:.2f} fed forward")
-        if lag.sigma <= LAG_SIGMA_S:
-            known.append(f"{lag.value:.2f} ± {lag.sigma:.2f} s behind its setpoints")
-        if tilt_lag.sigma <= LAG_SIGMA_S:
-            known.append(f"tilt {tilt_lag.value:.2f} ± {tilt_lag.sigma:.2f} s behind what is asked for")
-        text = "learned in flight: " + ("; ".join(known) or "nothing is certain any more")
+        learned, words = self.learned, []
+        if learned.drag is not None:
+            e = learned.drag
+            words.append(f"drag {e.value:.2f} ± {e.sigma:.2f} m/s² per m/s, {wanted.drag_s:.2f} fed forward")
+        if learned.lag is not None:
+            words.append(f"{learned.lag.value:.2f} ± {learned.lag.sigma:.2f} s behind its setpoints")
+        if learned.tilt_lag is not None:
+            e = learned.tilt_lag
+            words.append(f"tilt {e.value:.2f} ± {e.sigma:.2f} s behind what is asked for")
+        text = "learned in flight: " + ("; ".join(words) or "nothing is certain any more")
         numbers = {"drag_used_s": wanted.drag_s, "lead_s": wanted.lead_s, "tilt_lead_s": wanted.tilt_lead_s}
-        for name, estimate in (("drag", drag), ("lag", lag), ("tilt_lag", tilt_lag)):
+        estimates = (("drag", self._drag), ("lag", self._lag), ("tilt_lag", self._tilt_lag))
+        for name, estimate in ((name, estimator.estimate) for name, estimator in estimates):
             numbers |= {f"{name}_s": estimate.value, f"{name}_sigma_s": estimate.sigma}
         return text, numbers
 

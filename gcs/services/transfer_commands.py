@@ -13,9 +13,11 @@ from gcs.core.mission import Mission
 from gcs.mavlink.station import MavlinkStation
 from gcs.planning.scene.point_distance import SceneDistance
 from gcs.services.fence_rally import check_lists, upload_lists
-from gcs.services.flight_prediction import predict_flights
-from gcs.services.mission_files import mission_of_plan, mission_planner_waypoints
+from gcs.services.fitted_upload import upload_fitted
+from gcs.services.mission_files import mission_planner_waypoints
+from gcs.services.mission_fitting import fit_mission
 from gcs.services.preflight import check_failsafes, check_limits, check_prediction
+from gcs.services.vehicle_model import vehicle_model
 from gcs.storage.plan_files import read_plan, read_structure
 
 if TYPE_CHECKING:
@@ -23,6 +25,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from gcs.mavlink.vehicle import Vehicle
+    from gcs.services.mission_fitting import FittedMission
 
 VEHICLE_TIMEOUT_S = 30.0
 
@@ -47,8 +50,7 @@ async def upload_plan(out: Path, url: str, say: Callable[[str], None]) -> dict[s
     """Put the mission of a written plan on a vehicle and prove it; then its fence and its rally points, if it has any.
 
     The vehicle's limits and failsafes are read first: a plan beyond the limits, or whose predicted flight leaves the
-    clearance, is not uploaded; what is unknown or
-    switched off is said, and has to be accepted by name before a flight.
+    clearance, is not uploaded; what is unknown or switched off is said, and has to be accepted by name before a flight.
 
     Args:
         out: the plan's folder.
@@ -65,11 +67,10 @@ async def upload_plan(out: Path, url: str, say: Callable[[str], None]) -> dict[s
     async with connected_vehicle(url) as vehicle:
         limits = await vehicle.read_limits()
         checks = check_limits(plan, limits)
-        mission = mission_of_plan(plan, vehicle.identity.autopilot)
-        scene = SceneDistance(read_structure(out), plan.scenario.ground_m)
-        found = predict_flights(plan, scene, mission, vehicle.identity.autopilot, limits.flight_law)
-        if found is not None:
-            checks.append(check_prediction(found, offboard=False))
+        autopilot, scene = vehicle.identity.autopilot, SceneDistance(read_structure(out), plan.scenario.ground_m)
+        model = vehicle_model(autopilot, limits)
+        fitted = fit_mission(plan, scene, autopilot, model)
+        checks += check_prediction(fitted, offboard=False)
         checks += check_failsafes(await vehicle.read_failsafes())
         checks += await check_lists(plan, vehicle, sent=False)
         for check in checks:
@@ -77,7 +78,11 @@ async def upload_plan(out: Path, url: str, say: Callable[[str], None]) -> dict[s
                 raise RefusedError(f"{check.name}: {check.detail}", field=vehicle.identity.name)
             if check.state != "ok":
                 say(f"{check.state.replace('_', ' ')}: {check.name}: {check.detail}")
-        proof = await vehicle.upload_mission(mission)
+
+        async def refit(most_items: int) -> FittedMission:
+            return fit_mission(plan, scene, autopilot, model, most_items)
+
+        proof, _ = await upload_fitted(vehicle, fitted, refit, say)
         lists = await upload_lists(plan, vehicle)
         return {
             "vehicle": vehicle.identity.name,

@@ -9,18 +9,23 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Literal
 
 from gcs.core.clock import utc_now
-from gcs.core.errors import GcsError, NotFoundError
+from gcs.core.errors import GcsError, LinkError, NotFoundError
 from gcs.mavlink.events import StatusTextEvent
 from gcs.mavlink.link_url import parse_link_url
+from gcs.services.link_signing import LinkSigningService
 from gcs.services.live_feed import LinkChanged, LiveFeed, TelemetryChanged, VehicleSaid
 from gcs.storage.records import LinkRecord
 
 if TYPE_CHECKING:
     from gcs.core.vehicle import Telemetry, VehicleIdentity
     from gcs.mavlink.link_quality import LinkQuality
+    from gcs.mavlink.routing import WayInfo
+    from gcs.mavlink.signing import SigningStatus
+    from gcs.mavlink.signing_setup import SigningProof
     from gcs.mavlink.station import MavlinkStation
     from gcs.mavlink.vehicle import Vehicle
     from gcs.storage.database import Database
+    from gcs.storage.signing_keys import SigningKeyStore
 
 PUBLISH_S = 0.2
 """Telemetry goes to the dashboards at most this often."""
@@ -40,6 +45,8 @@ class LinkView:
     problem: str | None = None
     messages_per_s: float | None = None
     peers: tuple[str, ...] = ()
+    signing: SigningStatus | None = None
+    """How its signing goes; None when it is not signed."""
 
 
 @dataclass(frozen=True)
@@ -54,6 +61,11 @@ class VehicleView:
     flight_id: str | None
     now_s: float
     """The station's monotonic time, from which ages are counted."""
+    id_clash: str | None = None
+    """How two vehicles with its system id were told apart; None while there is but one."""
+    mavlink_version: int | None = None
+    ways: tuple[WayInfo, ...] = ()
+    """The links on which it is heard, the one that is used first."""
 
 
 @dataclass(frozen=True)
@@ -75,12 +87,19 @@ class VehicleService:
         feed: the dashboards.
         station: the MAVLink side.
         links: URLs to open besides those of the database; not kept.
+        keys: of signed links; None where no link is signed.
     """
 
     def __init__(
-        self, database: Database, feed: LiveFeed, station: MavlinkStation, links: tuple[str, ...] = ()
+        self,
+        database: Database,
+        feed: LiveFeed,
+        station: MavlinkStation,
+        links: tuple[str, ...] = (),
+        keys: SigningKeyStore | None = None,
     ) -> None:
         self.station = station
+        self._signing = None if keys is None else LinkSigningService(station, keys)
         self._database = database
         self._feed = feed
         self._given = tuple(LinkRecord(f"given-{i}", url, utc_now()) for i, url in enumerate(links))
@@ -121,7 +140,15 @@ class VehicleService:
                 views.append(view)
             else:
                 state: Literal["open", "down"] = "open" if info.up else "down"
-                views.append(replace(view, state=state, messages_per_s=info.messages_per_s, peers=info.peers))
+                views.append(
+                    replace(
+                        view,
+                        state=state,
+                        messages_per_s=info.messages_per_s,
+                        peers=info.peers,
+                        signing=info.signing,
+                    )
+                )
         return tuple(views)
 
     async def open_link(self, url: str) -> LinkView:
@@ -137,7 +164,7 @@ class VehicleService:
                 if view.state == "failed":
                     break
                 return view
-        opened = await self.station.open(canonical)
+        opened = await self._open_url(canonical)
         link = self._database.links.add(canonical)
         self._opened[link.id] = opened
         return self._show(LinkView(link, "open"))
@@ -157,6 +184,34 @@ class VehicleService:
         self._database.links.delete(link_id)
         self._show(replace(view, state="closed"))
         del self._links[link_id]
+
+    async def set_up_signing(self, link_id: str, vehicle: str, *, rejects_unsigned: bool) -> SigningProof:
+        """Give a vehicle a new key over a link; errors as of `LinkSigningService.set_up`."""
+        signing, url = self._signing_of(link_id)
+        return await signing.set_up(vehicle, url, rejects_unsigned=rejects_unsigned)
+
+    async def remove_signing(self, link_id: str, vehicle: str) -> None:
+        """Have a vehicle forget its key; errors as of `LinkSigningService.remove`."""
+        signing, url = self._signing_of(link_id)
+        await signing.remove(vehicle, url)
+
+    def link(self, link_id: str) -> LinkView:
+        """A link.
+
+        Raises:
+            NotFoundError: there is none of this name.
+        """
+        for view in self.links():
+            if view.link.id == link_id:
+                return view
+        raise NotFoundError(f"there is no link {link_id}", field="link_id")
+
+    def _signing_of(self, link_id: str) -> tuple[LinkSigningService, str]:
+        self.link(link_id)
+        opened = self._opened.get(link_id)
+        if opened is None or self._signing is None:
+            raise LinkError("this link is not open", field=link_id)
+        return self._signing, opened
 
     def vehicle(self, name: str) -> Vehicle:
         """A vehicle by its name or bare system id.
@@ -195,11 +250,14 @@ class VehicleService:
 
     async def _open(self, link: LinkRecord) -> None:
         try:
-            self._opened[link.id] = await self.station.open(link.url)
+            self._opened[link.id] = await self._open_url(link.url)
         except GcsError as error:
             self._show(LinkView(link, "failed", error.message))
         else:
             self._show(LinkView(link, "open"))
+
+    async def _open_url(self, url: str) -> str:
+        return await (self.station.open(url) if self._signing is None else self._signing.open(url))
 
     def _show(self, view: LinkView) -> LinkView:
         self._links[view.link.id] = view
@@ -215,6 +273,9 @@ class VehicleService:
             link_quality=vehicle.link_quality,
             flight_id=self._flights.get(vehicle.identity.system_id),
             now_s=time.monotonic(),
+            id_clash=vehicle.id_clash,
+            mavlink_version=vehicle.mavlink_version,
+            ways=self.station.ways(vehicle),
         )
 
     async def _publish_telemetry(self) -> None:

@@ -5,20 +5,24 @@ Run by `make install` as `python -m gcs.services.warm_up`.
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING, cast
+
 import numpy as np
 
 from gcs.core.progress import SilentProgress
 from gcs.core.scenario import parse_scenario
 from gcs.core.structure import Structure
 from gcs.core.structure_source import Cable
-from gcs.planning.dynamics.tracking_prediction import predict_tracking, usual_quadrotor
-from gcs.planning.dynamics.wind_gusts import WindGusts
 from gcs.planning.planner import make_plan
 from gcs.planning.scene.point_distance import SceneDistance
 from gcs.planning.trajectories.flight_limits import FlightLimits
 from gcs.planning.trajectories.optimal_times import times_at_limits
-from gcs.services.flight_prediction import predict_usual_flights
+from gcs.services.mission_fitting import predict_usual_flights
 from gcs.services.simulation import Simulator, SimulatorOptions
+from gcs.services.tracking_forecast import forecast_tracking
+
+if TYPE_CHECKING:
+    from gcs.core.plan import Plan
 
 SCENARIO = {
     "name": "warm-up",
@@ -52,11 +56,12 @@ def tower() -> Structure:
 
 
 def main() -> None:
-    """Plan a small scene and a curve without a corridor, predict a flight, start a simulated vehicle: each once."""
+    """Plan a small scene in each corridor and a curve without one, predict a flight, start a simulated vehicle."""
     structure = tower()
-    plan = make_plan(parse_scenario(SCENARIO), structure, SilentProgress())
-    body = usual_quadrotor(plan.scenario.vehicle.mass_kg)
-    predict_tracking(plan.trajectory, plan.yaw, parameters=body, gusts=WindGusts())
+    plan = cast("Plan", make_plan(parse_scenario(SCENARIO), structure, SilentProgress()))  # no battery, no sorties
+    for corridor in ("tubes", "polytopes"):
+        make_plan(parse_scenario(SCENARIO | {"planner": {"corridor": corridor}}), structure, SilentProgress())
+    forecast_tracking(plan)
     predict_usual_flights(plan, SceneDistance(structure, plan.scenario.ground_m))
     times_at_limits(np.eye(3), FlightLimits(5.0, 2.5))
     with Simulator(SimulatorOptions(port=9, extra=("--tcp-base", "none"))):

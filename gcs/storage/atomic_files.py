@@ -19,8 +19,13 @@ PARTIAL = ".partial-"
 """Begins the name of everything that is not whole yet."""
 
 
-def write_file(path: Path, data: bytes) -> None:
+def write_file(path: Path, data: bytes, mode: int = 0o666) -> None:
     """Put a whole file at `path`, in place of one that may be there.
+
+    Args:
+        path: where.
+        data: what is in it.
+        mode: who may read it, less what the process leaves out (umask).
 
     Raises:
         StorageError: the disk did not take it; what was at `path` is as before.
@@ -28,7 +33,7 @@ def write_file(path: Path, data: bytes) -> None:
     partial = path.with_name(f"{PARTIAL}{secrets.token_hex(4)}-{path.name}")
     try:
         try:
-            _write_through(partial, data)
+            _write_through(partial, data, mode)
             partial.replace(path)
         finally:
             partial.unlink(missing_ok=True)
@@ -108,8 +113,8 @@ def _put_in_place(partial: Path, path: Path) -> None:
         partial.rename(path)
 
 
-def _write_through(path: Path, data: bytes) -> None:
-    with path.open("xb") as file:
+def _write_through(path: Path, data: bytes, mode: int) -> None:
+    with os.fdopen(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, mode), "wb") as file:
         file.write(data)
         file.flush()
         os.fsync(file.fileno())

@@ -14,6 +14,7 @@ from gcs.storage.errors import database_errors
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
+    from gcs.storage.dynamics_repository import DynamicsRepository
     from gcs.storage.flight_repository import FlightRepository
     from gcs.storage.image_repository import ImageRepository
     from gcs.storage.job_repository import JobRepository
@@ -51,6 +52,7 @@ class Database:
     """
 
     def __init__(self, directory: Path) -> None:
+        from gcs.storage.dynamics_repository import DynamicsRepository
         from gcs.storage.flight_repository import FlightRepository
         from gcs.storage.image_repository import ImageRepository
         from gcs.storage.job_repository import JobRepository
@@ -72,6 +74,7 @@ class Database:
         self.flights: FlightRepository = FlightRepository(self)
         self.images: ImageRepository = ImageRepository(self)
         self.replans: ReplanRepository = ReplanRepository(self)
+        self.dynamics: DynamicsRepository = DynamicsRepository(self)
 
     @contextmanager
     def transaction(self) -> Iterator[Session]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import math
 from collections.abc import Sequence
 from typing import Annotated, Literal, Self
 
@@ -19,6 +20,9 @@ from gcs.core.way_home import OwnAction
 from gcs.storage.coverage_document import CoverageEntry, coverage_entry, coverage_of
 
 Point = tuple[float, float, float]
+Plane = tuple[float, float, float, float]
+"""Of a convex set: outward unit normal, and the offset that `normal . p` does not exceed in it (m)."""
+
 Coefficients = Annotated[list[Point], Field(min_length=8, max_length=8)]
 
 
@@ -29,7 +33,7 @@ class Document(BaseModel):
 
 
 class ViewpointEntry(Document):
-    """A place from which one picture is taken, at standstill."""
+    """A place from which one picture is taken: at standstill for at least `hold_s`, or in flight."""
 
     id: int
     name: str
@@ -40,6 +44,8 @@ class ViewpointEntry(Document):
     time_s: float
     yaw_rad: float
     gimbal_pitch_rad: float
+    stops: bool = True
+    hold_s: Annotated[float, Field(ge=0)] = 0.0
 
 
 class TourEntry(Document):
@@ -173,6 +179,7 @@ class PlanDocument(Document):
     tour: TourEntry
     path: PathEntry
     corridor: list[BoxEntry]
+    corridor_planes: list[list[Plane]] = []
     trajectory: TrajectoryEntry
     yaw: AngleEntry
     gimbal_pitch: AngleEntry
@@ -191,6 +198,9 @@ class PlanDocument(Document):
         fits = {
             "trajectory": 0 < len(pieces) == len(self.trajectory.coefficients_m) and min(pieces) > 0,
             "corridor": len(self.corridor) == len(pieces),
+            "corridor_planes": len(self.corridor_planes)
+            == (0 if self.scenario.planner.corridor == "boxes" else len(pieces))
+            and all(abs(math.hypot(*plane[:3]) - 1) < 1e-9 for planes in self.corridor_planes for plane in planes),
             "path": len(stops) == len(ids) + 2
             and stops[0] == 0
             and stops[-1] == len(self.path.points_m) - 1
@@ -229,6 +239,8 @@ def document_of(plan: Plan) -> PlanDocument:
                 time_s=float(v.time_s),
                 yaw_rad=float(v.yaw_rad),
                 gimbal_pitch_rad=float(v.gimbal_pitch_rad),
+                stops=v.stops,
+                hold_s=v.hold_s,
             )
             for v in plan.viewpoints
         ],
@@ -240,6 +252,7 @@ def document_of(plan: Plan) -> PlanDocument:
         ),
         path=PathEntry(points_m=_points(plan.path_m), stops=[int(k) for k in plan.path_stops]),
         corridor=[BoxEntry(low_m=_point(box[0]), high_m=_point(box[1])) for box in plan.corridor_m],
+        corridor_planes=[[_plane(plane) for plane in planes] for planes in plan.corridor_planes],
         trajectory=TrajectoryEntry(
             durations_s=_numbers(plan.trajectory.durations_s),
             coefficients_m=[_points(segment) for segment in plan.trajectory.coefficients],
@@ -314,12 +327,15 @@ def plan_of(document: PlanDocument) -> Plan:
                 time_s=v.time_s,
                 yaw_rad=v.yaw_rad,
                 gimbal_pitch_rad=v.gimbal_pitch_rad,
+                stops=v.stops,
+                hold_s=v.hold_s,
             )
             for v in document.viewpoints
         ),
         path_m=_array(document.path.points_m, (-1, 3)),
         path_stops=np.array(document.path.stops, dtype=np.int64),
         corridor_m=_array([[b.low_m, b.high_m] for b in document.corridor], (-1, 2, 3)),
+        corridor_planes=tuple(_array(planes, (-1, 4)) for planes in document.corridor_planes),
         trajectory=PiecewisePolynomial(
             _array(document.trajectory.coefficients_m, (-1, 8, 3)), _array(document.trajectory.durations_s, (-1,))
         ),
@@ -359,6 +375,11 @@ def _own_ways(entry: OwnWaysEntry | None) -> OwnWays | None:
 def _point(values: NDArray[np.float64]) -> Point:
     x, y, z = (float(v) for v in values)
     return x, y, z
+
+
+def _plane(values: NDArray[np.float64]) -> Plane:
+    x, y, z, offset = (float(v) for v in values)
+    return x, y, z, offset
 
 
 def _points(values: NDArray[np.float64]) -> list[Point]:

@@ -43,6 +43,10 @@ SAMPLE_S = 0.02
 """Step of trajectory.csv: 50 Hz."""
 SMALLEST_STEP_S = 1e-4
 
+FLEET_FILE, SORTIES_FILE = "fleet.json", "sorties.json"
+GROUP_FILES = (FLEET_FILE, SORTIES_FILE)
+"""Say how several plans are flown that have no `plan.json` in common, only folders each (`plan_group_files`)."""
+
 PART = re.compile(r"(sortie|vehicle)-([1-9]\d*)")
 """Name of the folder of a sortie or of a vehicle's plan."""
 
@@ -100,15 +104,29 @@ def check_output(directory: Path) -> None:
     Raises:
         InputError: something else is there.
     """
-    check_replaceable(directory.absolute(), is_plan_directory)
+    check_replaceable(directory.absolute(), is_ours)
+
+
+def is_ours(directory: Path) -> bool:
+    """Whether a folder holds a plan or a group of plans, and nothing else."""
+    return is_plan_directory(directory) or is_group_directory(directory)
 
 
 def is_plan_directory(directory: Path) -> bool:
     """Whether a folder holds a plan, with the folders of its parts, and nothing else."""
-    parts = part_directories(directory)
-    names = {entry.name for entry in directory.iterdir()} - {part.name for part in parts}
-    whole = "plan.json" in names and names <= set(FILE_NAMES)
-    return whole and all(part.is_dir() and is_plan_directory(part) for part in parts)
+    names = _names_beside_parts(directory)
+    return "plan.json" in names and names <= set(FILE_NAMES)
+
+
+def is_group_directory(directory: Path) -> bool:
+    """Whether a folder holds a group of plans and nothing else."""
+    return _names_beside_parts(directory) in ({name} for name in GROUP_FILES)
+
+
+def _names_beside_parts(directory: Path) -> set[str]:
+    """Names of all that is in a folder, without the folders of parts that hold plans."""
+    parts = {part.name for part in part_directories(directory) if part.is_dir() and is_plan_directory(part)}
+    return {entry.name for entry in directory.iterdir()} - parts
 
 
 def write_plan(
@@ -138,7 +156,7 @@ def write_plan(
         StorageError: the disk did not take it.
     """
     contents = plan_contents(plan, structure, report=report, extra_files=extra_files)
-    with new_directory(directory, is_plan_directory) as folder:
+    with new_directory(directory, is_ours) as folder:
         write_contents(folder, contents)
         for name, files in (parts or {}).items():
             (folder / name).mkdir()
@@ -253,6 +271,10 @@ def _read(path: Path) -> bytes:
     try:
         return path.read_bytes()
     except (FileNotFoundError, NotADirectoryError):
+        if path.name == "plan.json" and any((path.parent / name).is_file() for name in GROUP_FILES):
+            raise InputError(
+                "these are several plans: give the folder of one of them", field=str(path.parent)
+            ) from None
         if path.name == "plan.json":
             raise InputError("there is no such plan: give a folder that `gcs plan` wrote", field=str(path)) from None
         raise InputError("this file of the plan is missing: plan again", field=str(path)) from None

@@ -70,6 +70,13 @@ class PlanRepository:
             row.state, row.plan_hash, row.report = PlanState.READY.value, plan_hash, report
             return _record(row)
 
+    def narrow(self, plan_id: str, name: str, scenario: dict[str, Any]) -> PlanRecord:
+        """It does a part of what was asked only."""
+        with self._database.transaction() as session:
+            row = _row(session, plan_id)
+            row.name, row.scenario = name, scenario
+            return _record(row)
+
     def mark_ended(self, plan_id: str, state: PlanState, failure: Failure) -> PlanRecord:
         """It will not become ready."""
         with self._database.transaction() as session:

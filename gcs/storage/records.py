@@ -180,6 +180,8 @@ class FlightRecord:
     """How far along the plan an offboard flight is."""
     max_cross_track_m: float | None = None
     problems: tuple[str, ...] = ()
+    mission_sampling: dict[str, Any] | None = None
+    """How its mission was made of the plan at the upload; None before that."""
 
 
 @dataclass(frozen=True)

@@ -104,6 +104,7 @@ class FlightRow(Base):
     plan_time_s: Mapped[float | None]
     max_cross_track_m: Mapped[float | None]
     problems: Mapped[list[Any]]
+    mission_sampling: Mapped[dict[str, Any] | None]
 
 
 class FlightEventRow(Base):
@@ -190,6 +191,22 @@ class ImageRow(Base):
     problem: Mapped[str | None]
 
     __table_args__ = (UniqueConstraint("flight_id", "source", "index"),)
+
+
+class LearnedDynamicsRow(Base):
+    """What flights have shown of a vehicle."""
+
+    __tablename__ = "learned_dynamics"
+
+    vehicle: Mapped[str] = mapped_column(primary_key=True)
+    flight_id: Mapped[str] = mapped_column(ForeignKey("flights.id", ondelete="RESTRICT"))
+    learned_at: Mapped[str]
+    drag_s: Mapped[float | None]
+    drag_sigma_s: Mapped[float | None]
+    lag_s: Mapped[float | None]
+    lag_sigma_s: Mapped[float | None]
+    tilt_lag_s: Mapped[float | None]
+    tilt_lag_sigma_s: Mapped[float | None]
 
 
 class ReplanRow(Base):

@@ -20,11 +20,12 @@ from gcs.core.mission import MissionItem
 from gcs.core.vehicle import Autopilot, BatteryState, FlightMode, Heard, LandedState, Telemetry, VehicleIdentity
 from gcs.mavlink.events import EventStream
 from gcs.mavlink.link_quality import LinkQuality
+from gcs.mavlink.routing import WayInfo
 from gcs.mavlink.station import LinkInfo
 from gcs.services.flight_types import OnVehicleMission, PreflightCheck, PreflightReport
 from gcs.services.station import StationServices
 from gcs.storage.plan_files import plan_report, write_plan
-from gcs.storage.records import FlightRecord, FlightState, UploadState
+from gcs.storage.records import FlightPath, FlightRecord, FlightState, UploadState
 
 
 class FakeMavlink:
@@ -38,6 +39,8 @@ class FakeMavlink:
             1: SimpleNamespace(
                 identity=VehicleIdentity(1, 1, Autopilot.PX4, 2),
                 connected=True,
+                id_clash=None,
+                mavlink_version=2,
                 last_heard_s=now,
                 link_quality=LinkQuality(80.0, 0.1, 0.05),
                 telemetry=Telemetry(
@@ -65,6 +68,9 @@ class FakeMavlink:
 
     async def close(self, url):
         del self.opened[url]
+
+    def ways(self, vehicle):
+        return (WayInfo("udpin:127.0.0.1:14550", "127.0.0.1:14550", True, None, 0.05, 0.1),)
 
     async def close_all(self):
         self.opened.clear()
@@ -131,7 +137,7 @@ class FakeFlights:
             plan_hash=self.services.plans.get(plan_id).plan.plan_hash,
             vehicle=found.identity.name,
             system_id=found.identity.system_id,
-            mode=mode,
+            mode=mode or FlightPath.MISSION,
             state=FlightState.CREATED,
             created_at=now,
             updated_at=now,

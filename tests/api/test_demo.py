@@ -126,7 +126,7 @@ async def test_a_vehicle_of_our_system_id_but_another_uid_is_only_asked_who_it_i
 
 
 async def test_nobody_takes_the_place_of_our_own_vehicle(station, demo, monkeypatch):
-    monkeypatch.setattr("gcs.mavlink.station.ROUTE_KEPT_S", 0.3)
+    monkeypatch.setattr("gcs.mavlink.routing.SILENT_S", 0.3)
     with OtherVehicle(station.port, SYSTEM_ID, UID) as own, OtherVehicle(station.port, SYSTEM_ID, UID) as other:
         other.beating = False
         other.heard.clear()

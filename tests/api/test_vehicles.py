@@ -76,3 +76,29 @@ def test_the_status_counts(client):
     status = client.get("/api/status").json()
     assert (status["vehicles"], status["links"], status["jobs_running"], status["flights_open"]) == (1, 1, 0, 0)
     assert status["version"]
+
+
+def test_signing_needs_an_open_link_and_a_passphrase_to_keep_the_key_with(client, monkeypatch):
+    monkeypatch.delenv("GCS_KEY", raising=False)
+    assert client.post("/api/links/none/signing", json={"vehicle": "px4-1"}).status_code == 404
+    link = client.post("/api/links", json={"url": "udpin:127.0.0.1:14550"}).json()
+    assert link["signing"] is None
+    response = client.post(f"/api/links/{link['id']}/signing", json={"vehicle": "px4-1"})
+    assert response.status_code == 422
+    assert "GCS_KEY" in response.text
+    response = client.delete(f"/api/links/{link['id']}/signing", params={"vehicle": "px4-1"})
+    assert (response.status_code, "not signed" in response.text) == (404, True)
+
+
+def test_a_vehicle_shows_its_links_and_a_clash_of_ids(client, mavlink):
+    mavlink.vehicles[1].id_clash = "units aa and bb answer"
+    (vehicle,) = client.get("/api/vehicles").json()
+    assert vehicle["id_clash"] == "units aa and bb answer"
+    assert vehicle["ways"][0] | {"age_s": 0.1} == {
+        "url": "udpin:127.0.0.1:14550",
+        "peer": "127.0.0.1:14550",
+        "used": True,
+        "loss": None,
+        "round_trip_s": 0.05,
+        "age_s": 0.1,
+    }

@@ -330,6 +330,12 @@ class ArduPilotVehicle(ScriptedVehicle):
         self.heard_at = self.clock()
         self.ask()
 
+    def on_mission_write_partial_list(self, message) -> None:
+        self.sender = (message.get_srcSystem(), message.get_srcComponent())
+        self.receiving, self.expected, self.count = True, message.start_index, message.end_index + 1
+        self.heard_at = self.clock()
+        self.ask()
+
     def ask(self) -> None:
         self.say(mavlink.MAVLink_mission_request_message(*self.sender, self.expected, 0))
         self.deadline = self.clock() + 1.0

@@ -1,6 +1,6 @@
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from gcs.mavlink.camera_control import ASK_EVERY_S, CameraWatch
+from gcs.mavlink.camera_control import ASK_EVERY_S, DESCRIPTION_TRIES, CameraWatch
 
 
 class Bench:
@@ -81,12 +81,12 @@ def test_the_loss_of_the_last_and_of_the_first_is_noticed_by_the_count():
     assert set(bench.asked()) == {4, 5}
 
 
-def test_a_camera_for_which_the_autopilot_speaks_is_not_asked():
+def test_a_camera_for_which_the_autopilot_speaks_is_not_asked_for_pictures():
     sent = []
     watch = CameraWatch(1, sent.append, asks=False)
     watch.component = 100
     watch.on_time(10.0)
-    assert sent == []
+    assert {m.param1 for m in sent} == {259, 260, 261}
 
 
 def test_an_autopilots_own_feedback_is_a_picture_without_a_name():
@@ -99,3 +99,54 @@ def test_an_autopilots_own_feedback_is_a_picture_without_a_name():
     )
     assert (report.index, report.file) == (5, None)
     assert bench.watch.component is None
+
+
+def information(vendor=b"ACME", model=b"One\x1b", focal=24.0, sensor=(13.2, 8.8), pixels=(5472, 3648), flags=2):
+    names = (list(vendor.ljust(32, b"\0")), list(model.ljust(32, b"\0")))
+    return mavlink.MAVLink_camera_information_message(1, *names, 1, focal, *sensor, *pixels, 0, flags, 0, b"")
+
+
+def storage(status=2, free=900.0):
+    return mavlink.MAVLink_storage_information_message(1, 1, 1, status, 1000.0, 100.0, free, 1.0, 1.0)
+
+
+def test_what_a_camera_is_gets_asked_until_it_is_known():
+    bench = Bench()
+    bench.camera()
+    bench.asked(ASK_EVERY_S + 0.1)
+    assert {m.param1 for m in bench.sent} == {259, 260, 261, 262}
+    bench.hear(information())
+    bench.hear(mavlink.MAVLink_camera_settings_message(1, 0))
+    bench.hear(storage())
+    bench.asked(ASK_EVERY_S + 0.1)
+    assert {m.param1 for m in bench.sent} == {262}
+    assert bench.watch.description.words() == ("ACME One, 24 mm, sensor 13.2 x 8.8 mm, 5472 x 3648 px, 900 MiB free")
+    assert bench.watch.description.takes_images
+    assert bench.watch.description.in_image_mode
+    assert bench.watch.description.storage_ready
+
+
+def test_a_camera_that_does_not_describe_itself_is_left_alone_after_a_while():
+    bench = Bench()
+    bench.camera()
+    bench.asked(ASK_EVERY_S * 20)
+    assert [m.param1 for m in bench.sent].count(259) == DESCRIPTION_TRIES
+
+
+def test_what_is_impossible_in_a_description_is_not_known():
+    bench = Bench()
+    bench.camera()
+    nan = float("nan")
+    bench.hear(information(vendor=b"\xff\xfe", model=b"", focal=nan, sensor=(-1.0, nan), pixels=(0, 5), flags=0))
+    bench.hear(storage(status=1, free=nan))
+    found = bench.watch.description
+    assert (found.focal_length_mm, found.sensor_mm, found.resolution_px, found.free_mib) == (None,) * 4
+    assert found.takes_images is False
+    assert found.storage_ready is False
+
+
+def test_other_components_do_not_describe_it():
+    bench = Bench()
+    bench.camera()
+    bench.hear(information(), component=101)
+    assert bench.watch.description.name is None

@@ -128,6 +128,7 @@ def test_forms_of_ardupilots_own_items_are_these_items(name):
         (PX4, item(frame=3), item(frame=6)),
         (PX4, item(80, 6, (3, 0, 0, 0)), item(201, 6, (0, 0, 0, 0))),
         (GENERIC, item(frame=5), item(frame=0)),
+        (GENERIC, item(), item(x=313621999, y=1216155001, z=12.000001)),
         (GENERIC, item(params=(0.1, 0, 0, 0)), item(params=(struct.unpack("<f", struct.pack("<f", 0.1))[0], 0, 0, 0))),
     ],
 )
@@ -142,8 +143,8 @@ def test_same_to_the_vehicle(autopilot, sent, held):
     [
         item(frame=6),
         item(command=21),
-        item(x=313622001),
-        item(y=1216154999),
+        item(x=313622002),
+        item(y=1216154998),
         item(z=12.03),
         item(params=(3.0, 0, 0, 0)),
     ],

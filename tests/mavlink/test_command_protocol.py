@@ -1,11 +1,16 @@
+import asyncio
 import math
+import time
 
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
+from pymavlink.generator.mavcrc import x25crc
 
-from gcs.core.errors import LinkError, RefusedError
+from gcs.core.errors import LinkError, OperationCancelled, RefusedError
 from gcs.mavlink.autopilots.base import CommandCall
+from gcs.mavlink.command_cancel import CommandCancel
 from gcs.mavlink.command_protocol import ATTEMPTS, CommandExchange, CommandRefusedError, ModeSwitch
+from gcs.mavlink.vehicle_channel import VehicleChannel
 
 ARM = CommandCall(mavlink.MAV_CMD_COMPONENT_ARM_DISARM, (1.0, 0.0))
 HOLD = 4 << 16 | 3 << 24
@@ -25,8 +30,8 @@ class Bench:
         message._header.srcSystem, message._header.srcComponent = system, component
         self.t.handle(message)
 
-    def ack(self, result, *, command=400, target=(255, 190), system=1, component=1):
-        self.hear(mavlink.MAVLink_command_ack_message(command, result, 0, 0, *target), system, component)
+    def ack(self, result, *, command=400, target=(255, 190), system=1, component=1, progress=0):
+        self.hear(mavlink.MAVLink_command_ack_message(command, result, progress, 0, *target), system, component)
 
     def heartbeat(self, custom_mode, **source):
         self.hear(mavlink.MAVLink_heartbeat_message(2, 12, 29, custom_mode, 4, 3), **source)
@@ -163,3 +168,78 @@ def test_nan_parameters_stay_nan():
     bench = Bench(call=CommandCall(22, (math.nan, 0.0, 0.0, math.nan, math.nan, math.nan, 30.0)))
     assert math.isnan(bench.sent[0].param1)
     assert bench.sent[0].param7 == 30.0
+
+
+def test_progress_is_told_where_the_vehicle_knows_it():
+    told = []
+    bench = Bench(on_progress=told.append)
+    for percent in (0, 255, 20, 101, 75, 100):
+        bench.ack(5, progress=percent)
+    bench.ack(0)
+    assert told == [0.2, 0.75, 1.0]
+    assert bench.t.result() is None
+
+
+def test_a_command_that_got_stuck_says_how_far_it_was():
+    bench = Bench()
+    bench.ack(5, progress=40)
+    bench.wait(60)
+    with pytest.raises(LinkError, match="40%"):
+        bench.t.result()
+
+
+def test_cancelling_what_is_in_progress_is_told_to_the_vehicle():
+    bench = Bench()
+    bench.ack(5)
+    bench.t.cancel()
+    bench.t.cancel()
+    assert [m.get_type() for m in bench.sent] == ["COMMAND_LONG", "COMMAND_CANCEL"]
+    cancel = bench.sent[-1]
+    assert (cancel.target_system, cancel.target_component, cancel.command) == (1, 1, 400)
+    bench.ack(6)
+    with pytest.raises(OperationCancelled):
+        bench.t.result()
+
+
+def test_what_has_not_begun_needs_no_cancel_message():
+    bench = Bench()
+    bench.t.cancel()
+    assert len(bench.sent) == 1
+    with pytest.raises(OperationCancelled):
+        bench.t.result()
+
+
+def test_whoever_hears_the_progress_may_stop_it():
+    def stop(_share):
+        raise OperationCancelled("enough")
+
+    bench = Bench(on_progress=stop)
+    bench.ack(5, progress=10)
+    assert bench.sent[-1].get_type() == "COMMAND_CANCEL"
+    with pytest.raises(OperationCancelled):
+        bench.t.result()
+
+
+def test_the_cancel_message_is_that_of_the_protocol():
+    raw = bytes(CommandCancel(1, 100, 2000).pack(mavlink.MAVLink(None, srcSystem=255, srcComponent=190)))
+    assert raw[:10] == bytes([0xFD, 4, 0, 0, 0, 255, 190, 80, 0, 0])
+    assert raw[10:14] == (2000).to_bytes(2, "little") + bytes([1, 100])
+    described = x25crc(b"COMMAND_CANCEL uint16_t command uint8_t target_system uint8_t target_component ").crc
+    extra = (described & 255) ^ (described >> 8)
+    assert int.from_bytes(raw[14:], "little") == x25crc(raw[1:14] + bytes([extra])).crc
+
+
+async def test_a_task_that_is_cancelled_lets_the_vehicle_know():
+    sent = []
+    channel = VehicleChannel((1, 1), (255, 190), sent.append, time.monotonic)
+    command = CommandExchange(ARM, target=(1, 1), sender=(255, 190), send=sent.append, clock=time.monotonic)
+    task = asyncio.create_task(channel.run(command))
+    await asyncio.sleep(0)
+    began = mavlink.MAVLink_command_ack_message(400, 5, 10, 0, 255, 190)
+    began._header.srcSystem, began._header.srcComponent = 1, 1
+    channel.publish(began)
+    await asyncio.sleep(0.01)
+    task.cancel()
+    with pytest.raises(asyncio.CancelledError):
+        await task
+    assert [m.get_type() for m in sent] == ["COMMAND_LONG", "COMMAND_CANCEL"]

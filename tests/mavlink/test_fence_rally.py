@@ -169,7 +169,7 @@ def test_rally_points_are_above_sea_level(kind, height):
 def test_canonical_forms_tell_what_matters():
     fence = fence_items(scenario())
     for autopilot in Autopilot:
-        moved = [*fence[:-1], MissionItem(6, 0, 5002, (3.0, 0.0, 0.0, 0.0), fence[-1].x + 1, fence[-1].y, 0.0)]
+        moved = [*fence[:-1], MissionItem(6, 0, 5002, (3.0, 0.0, 0.0, 0.0), fence[-1].x + 3, fence[-1].y, 0.0)]
         assert compare(fence, fence, autopilot, MissionType.FENCE).equal
         assert not compare(fence, moved, autopilot, MissionType.FENCE).equal
         assert not compare(fence, fence[:-1], autopilot, MissionType.FENCE).equal

@@ -98,6 +98,39 @@ def test_list_that_changes_under_the_transfer_is_read_anew(loaded):
     assert [i.z for i in items] == [110.0 + n for n in range(50)]
 
 
+def test_a_list_written_anew_in_a_gap_between_two_answers_is_not_mixed(loaded):
+    """Its number of items is the same, and the vehicle has no ids: only reading twice shows it."""
+    rig = loaded("ardupilot", 8)
+    lost = []
+
+    def lose_and_change(message):
+        if message.get_type() == "MISSION_REQUEST_INT" and message.seq == 5 and not lost:
+            lost.append(True)
+            rig.at.append((rig.clock() + 0.02, change))
+            return True
+        return False
+
+    def change():
+        for item in rig.vehicle.store:
+            item.z += 100
+
+    rig.vehicle.ignore_in = lose_and_change
+    assert [i.z for i in read(rig, "ardupilot")] == [110.0 + n for n in range(8)]
+
+
+def test_home_may_move_while_it_is_read(loaded):
+    rig = loaded("ardupilot", 8, double=1.0)
+
+    def drift(message):
+        if message.get_type() == "MISSION_ITEM_INT" and message.seq == 0:
+            message.z += rig.clock() % 1
+        return [message]
+
+    rig.vehicle.alter_out = drift
+    rig.up.faults.jitter_s = rig.down.faults.jitter_s = 0.05
+    assert len(read(rig, "ardupilot")) == 8
+
+
 def test_contradicting_answers_for_one_item_are_not_mixed(loaded):
     rig = loaded("px4", 10)
     changed = []

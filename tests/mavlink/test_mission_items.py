@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from gcs.core.errors import RefusedError
 from gcs.core.frames import enu_from_geodetic
 from gcs.core.plan import Viewpoint
 from gcs.core.scenario import parse_scenario
@@ -177,6 +177,18 @@ def test_shortest_interval_of_the_camera_is_kept():
         assert built.items[k - 1].params[0] + built.items[k + 1].params[0] >= 30.0
 
 
+@pytest.mark.parametrize("autopilot", [PX4, ARDUPILOT])
+def test_a_mission_stops_where_the_plan_flies_through_and_stays_as_long_as_a_hold_asks(autopilot):
+    plain = mission(autopilot)
+    first, second, third = VIEWPOINTS
+    views = (replace(first, stops=False), replace(second, hold_s=8.0), replace(third, stops=False))
+    asked = build_mission(SimpleNamespace(scenario=scenario(), viewpoints=views), TAKEOFF, LEGS, autopilot)
+    changed = [(a, b) for a, b in zip(plain.items, asked.items, strict=True) if a != b]
+    assert len(changed) == 1, "nothing but the delay behind the second picture"
+    assert changed[0][1] == asked.items[asked.viewpoint_items[1] + 1]
+    assert changed[0][1].params[0] + 1.0 >= 8.0, "with the second that it has settled before"
+
+
 def test_acceptance_radius_is_smaller_than_the_spacing():
     ways = [i for i in mission(PX4).items if i.command == 16]
     points = np.vstack([TAKEOFF, *LEGS])
@@ -190,14 +202,6 @@ def test_heading_on_the_way_is_that_of_the_next_viewpoint():
     ways = [i for i in mission(PX4).items if i.command == 16]
     headings = [round(w.params[3]) for w in ways]
     assert headings == [0, 225, 225, 225, 90, 90, 90]
-
-
-@pytest.mark.parametrize("autopilot", list(Autopilot))
-def test_too_many_items_are_refused_with_the_limit_and_a_way_out(autopilot):
-    count = len(mission(autopilot).items)
-    assert len(mission(autopilot, MissionLimits(max_items=count)).items) == count
-    with pytest.raises(RefusedError, match=f"{count} items.*{count - 1}.*split"):
-        mission(autopilot, MissionLimits(max_items=count - 1))
 
 
 def test_legs_must_fit_the_viewpoints():

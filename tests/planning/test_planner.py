@@ -10,7 +10,8 @@ from gcs.core.inspection import NamedPoint, SurfaceTask
 from gcs.core.progress import SilentProgress
 from gcs.core.scenario import Battery, Fence
 from gcs.core.structure import Structure
-from gcs.planning.planner import MOST_DRIFT_M, make_plan, plan_rest, prepare_scene
+from gcs.planning.flights.flight_scene import prepare_scene
+from gcs.planning.planner import MOST_DRIFT_M, make_plan, plan_rest
 
 SIDES = {"east": (1, 0), "north": (0, 1), "west": (-1, 0), "south": (0, -1)}
 POINTS = tuple(

@@ -10,7 +10,8 @@ from gcs.core.inspection import NamedPoint
 from gcs.core.plan import Sortie
 from gcs.core.progress import SilentProgress
 from gcs.planning.certificates import CertificateError, recheck
-from gcs.planning.planner import plan_tour, prepare_scene
+from gcs.planning.flights.flight_scene import prepare_scene
+from gcs.planning.planner import plan_tour
 from gcs.planning.scene.point_distance import SceneDistance
 from gcs.planning.tours.tour import Tour
 from gcs.planning.variant_advice import VARIANTS, variant_advice
@@ -69,7 +70,8 @@ def planned(monkeypatch, scenario, tower, scene):
     def plan(way, variant, **vehicle):
         asked = with_variant(scenario, variant)
         asked = asked.model_copy(update={"vehicle": asked.vehicle.model_copy(update=vehicle)})
-        monkeypatch.setattr("gcs.planning.planner.find_tour", lambda *_a, **_k: tour_along(way, scenario, scene))
+        found = tour_along(way, scenario, scene)
+        monkeypatch.setattr("gcs.planning.flights.flight_base.find_tour", lambda *_a, **_k: found)
         return plan_tour(asked, tower, scene, poses_at(way), SilentProgress())
 
     return plan

@@ -13,12 +13,12 @@ from click.testing import CliRunner
 
 from gcs.cli import cli
 from gcs.core.errors import InfeasibleError, InputError
-from gcs.services.plan_service import fleet_to_directory, plan_to_directory
+from gcs.services.plan_service import plan_to_directory
 from gcs.services.plan_verification import verify_plan
 from gcs.services.remaining_flight import next_flight
 from gcs.storage import sample_scenes as samples
-from gcs.storage.fleet_files import is_fleet_directory, read_fleet
-from gcs.storage.plan_files import part_directories, read_plan
+from gcs.storage.plan_files import is_group_directory, part_directories, read_plan
+from gcs.storage.plan_group_files import read_group
 
 
 def points():
@@ -50,12 +50,12 @@ def files(tmp_path_factory, box_folder):
 def out(files, scenario):
     """Plans of two vehicles; to be read only."""
     file, out = files(scenario)
-    fleet_to_directory(file, out)
+    plan_to_directory(file, out)
     return out
 
 
 def test_the_work_is_shared_and_done_sooner(out, files, scenario):
-    fleet = read_fleet(out)
+    fleet = read_group(out)
     assert sorted(name for v in fleet.vehicles for name in v.viewpoints) == sorted(p["name"] for p in points())
     alone = plan_to_directory(*files({**scenario, "vehicle": {}})).plan.certificates.duration_s
     assert fleet.duration_lower_bound_s <= fleet.duration_s < 0.8 * alone
@@ -64,7 +64,7 @@ def test_the_work_is_shared_and_done_sooner(out, files, scenario):
 
 def test_they_are_never_nearer_than_asked(out):
     """By dense samples: 5 m and the errors of both, 2 x 0.8 m."""
-    fleet = read_fleet(out)
+    fleet = read_group(out)
     plans = [read_plan(folder) for folder in part_directories(out)]
     times = np.arange(-1.0, fleet.duration_s + 1.0, 0.01)
     a, b = (p.trajectory.value(times - v.start_s) for p, v in zip(plans, fleet.vehicles, strict=True))
@@ -75,7 +75,7 @@ def test_they_are_never_nearer_than_asked(out):
 
 
 def test_each_has_a_pad_and_a_complete_plan_of_its_own(out):
-    assert is_fleet_directory(out)
+    assert is_group_directory(out)
     homes = []
     for folder in part_directories(out):
         plan = read_plan(folder)
@@ -116,7 +116,7 @@ def test_two_about_the_sample_crane(files):
     sample = yaml.safe_load((Path(samples.__file__).parent / "samples" / "gantry-crane.scenario.yaml").read_text())
     sample["vehicle"]["count"] = 2
     file, out = files(sample)
-    fleet = fleet_to_directory(file, out)
+    fleet = plan_to_directory(file, out).document
     assert fleet.viewpoints == 18
     assert fleet.min_separation_m >= fleet.apart_m
     assert failed(out) == set()
@@ -149,5 +149,5 @@ def test_the_command_writes_them_and_replaces_them(files, scenario):
 def test_what_cannot_be(files, scenario, vehicle, safety, error, words):
     file, out = files({**scenario, "vehicle": vehicle, "safety": safety})
     with pytest.raises(error, match=words):
-        fleet_to_directory(file, out)
+        plan_to_directory(file, out)
     assert not out.exists()

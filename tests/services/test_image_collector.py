@@ -14,6 +14,7 @@ from PIL import Image
 from gcs.core.errors import LinkError, NotFoundError, StorageError
 from gcs.core.frames import GeoPoint, geodetic_from_enu
 from gcs.core.vehicle import ImageReport
+from gcs.mavlink.ftp_fetch import BrokenFetchError, PartialFile
 from gcs.services import image_collector
 from gcs.services.flight_recorder import FlightRecorder
 from gcs.services.image_collector import ImageCollector
@@ -40,9 +41,14 @@ class Camera:
         self.files = {f"/DCIM/IMG_{k}.JPG": jpeg(10 * k) for k in range(2)}
         self.faults = []
         self.fetched = []
+        self.resumed = []
+        self.serves_files = True
+        self.newest = None
+        self.during_request = lambda: None
 
-    async def fetch_file(self, path):
+    async def fetch_file(self, path, resume=None):
         self.fetched.append(path)
+        self.resumed.append(resume)
         await asyncio.sleep(0)
         if self.faults:
             raise self.faults.pop(0)
@@ -52,8 +58,17 @@ class Camera:
         return SimpleNamespace(data=data, crc32=zlib.crc32(data), confirmed=True)
 
     async def list_files(self, folder):
+        if not self.serves_files:
+            raise LinkError("the vehicle does not answer to file requests")
         names = [p.removeprefix(f"{folder}/") for p in self.files]
         return SimpleNamespace(entries=tuple(SimpleNamespace(name=n, is_directory=False) for n in names))
+
+    async def request_picture(self):
+        await asyncio.sleep(0)
+        if self.faults:
+            raise self.faults.pop(0)
+        self.during_request()
+        return SimpleNamespace(data=self.files[f"/DCIM/IMG_{self.newest}.JPG"], suffix="jpg", passes=1)
 
 
 @pytest.fixture
@@ -115,6 +130,46 @@ async def test_a_lost_link_is_tried_again_until_the_file_is_whole(collector, rec
     assert states(recorder) == [ImageState.STORED] * 2
 
 
+async def test_after_a_break_a_file_is_gone_on_with(collector, recorder, camera):
+    partial = PartialFile(700, bytes(700), ((300, 700),))
+    camera.faults = [BrokenFetchError("lost", partial), LinkError("lost"), BrokenFetchError("lost", None)]
+    collector.take(report(0))
+    await collector.finish()
+    assert camera.resumed[:4] == [None, partial, None, None]
+
+
+async def test_a_camera_without_files_is_asked_for_each_picture(collector, recorder, camera):
+    camera.serves_files = False
+    camera.faults = [LinkError("lost")]
+    await collector.remember_earlier()
+    for k in range(2):
+        camera.newest = k
+        collector.take(report(k, file=None))
+        await collector._waiting.join()
+        collector.take(report(k, file=None))
+    account = await collector.finish()
+    assert account.complete
+    assert camera.fetched == []
+    assert states(recorder) == [ImageState.STORED] * 2
+
+
+async def test_a_picture_that_a_newer_one_has_replaced_is_never_given_out_for_it(collector, recorder, camera):
+    camera.serves_files = False
+    await collector.remember_earlier()
+    camera.newest = 0
+
+    def another():
+        camera.during_request = lambda: None
+        camera.newest = 1
+        collector.take(report(1, file=None))
+
+    camera.during_request = another
+    collector.take(report(0, file=None))
+    account = await collector.finish()
+    assert states(recorder) == [ImageState.FAILED, ImageState.STORED]
+    assert account.missing == ("P0",)
+
+
 async def test_pictures_without_names_and_unheard_ones_are_found_in_the_folder_and_earlier_ones_left_out(
     collector, recorder, camera
 ):
@@ -155,7 +210,7 @@ async def test_what_is_here_by_a_deadline_counts(collector, recorder, camera):
     whole = asyncio.Event()
     fetch = camera.fetch_file
 
-    async def slow(path):
+    async def slow(path, resume=None):
         if path.endswith("1.JPG"):
             await whole.wait()
         return await fetch(path)

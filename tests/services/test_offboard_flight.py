@@ -9,10 +9,12 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from gcs.core.errors import RefusedError
 from gcs.core.trajectory import AngleProfile, PiecewisePolynomial
 from gcs.planning.dynamics.feed_forward import NO_FEED_FORWARD, FeedForward
 from gcs.planning.trajectories.retiming import TimeWarp
-from gcs.services.offboard_flight import OffboardFlight, column_times
+from gcs.services.home_column import column_times
+from gcs.services.offboard_flight import OffboardFlight
 
 STEP_S = 0.005
 
@@ -159,3 +161,30 @@ def test_the_yaw_follows_the_vehicle_and_not_the_lead_of_the_stream(make_flight)
     fed = np.array([s.yaw_rad for s in setpoints(flight, FeedForward(lead_s=0.3))])
     assert fed[300:] == pytest.approx(plain[285:-15], abs=1e-3)
     assert flight._warp.plan_time(flight._clock.time_s) - flight.plan_time_s == pytest.approx(0.3, rel=0.5)
+
+
+def test_the_clock_halts_at_stops_only(plan, flight):
+    plan.viewpoints = [
+        SimpleNamespace(time_s=t, stops=stops) for t, stops in ((14.0, False), (20.0, True), (23.0, False))
+    ]
+    gates = [flight._next_gate_s(v) for v in plan.viewpoints]
+    assert gates == [flight._warp.time_of(20.0)] * 2 + [math.inf]
+    flight._clock.gate_s = gates[0]
+    flight.resume()
+    speeds = [np.linalg.norm(flight.setpoint(t).velocity_m_s) for t in np.arange(0.0, gates[0] + 2.0, 0.02)]
+    passed = round((flight._warp.time_of(14.0) - flight._warp.time_of(column_times(plan)[0])) / 0.02)
+    assert min(speeds[passed - 20 : passed + 20]) > 0.5, "it flies on where it does not stop"
+    assert speeds[-1] < 1e-6
+
+
+@pytest.mark.parametrize(("off_m", "refused"), [(2.5, False), (3.5, True)])
+def test_a_vehicle_that_does_not_follow_is_noticed_in_passing(plan, flight, off_m, refused):
+    view = SimpleNamespace(name="V1", position_m=np.array([6.0, 3.0, 7.0]))
+    flight._vehicle.identity = SimpleNamespace(name="px4-1")
+    place = SimpleNamespace(value=view.position_m + np.array([0.0, off_m, 0.0]))
+    flight._vehicle.telemetry = SimpleNamespace(local_position_m=place)
+    if refused:
+        with pytest.raises(RefusedError, match="does not follow the stream: at V1 it is 4 m from"):
+            flight._require_near(view, 3.0)
+    else:
+        flight._require_near(view, 3.0)

@@ -71,6 +71,18 @@ def test_what_it_learned_is_said_with_its_numbers_and_not_again_and_again():
     assert all(news is None for news in said[-30:])
 
 
+def test_the_next_flight_starts_with_what_the_last_one_learned():
+    first = StreamFeedForward(accelerates=True)
+    flown(first, 60.0)
+    following = StreamFeedForward(accelerates=True, learned=first.learned)
+    used = [following.at(0.02 * i) for i in range(200)]
+    assert np.abs(np.diff([u.drag_s for u in used])).max() <= DRAG_SLEW_S2 * 0.02 + 1e-9
+    # Less is certain of it than at the end of that flight, so less is used.
+    assert DRAG - 0.35 < used[-1].drag_s < first.present.drag_s
+    assert used[-1].lead_s == pytest.approx(LAG, abs=0.02)
+    assert used[-1].tilt_lead_s == pytest.approx(TILT_LAG, abs=0.02)
+
+
 def test_a_vehicle_whose_setpoints_run_on_by_themselves_gets_no_acceleration():
     learner = StreamFeedForward(accelerates=False)
     used = flown(learner, 60.0)

@@ -171,3 +171,19 @@ def test_set_current_and_its_command(ardupilot):
     assert (current.seq, current.total, current.mission_state) == (2, 3, 2)
     assert ardupilot.command(M.MAV_CMD_DO_SET_MISSION_CURRENT, 1) == [0]
     assert ardupilot.command(M.MAV_CMD_DO_SET_MISSION_CURRENT, 99) == [M.MAV_RESULT_DENIED]
+
+
+def test_items_can_be_replaced_one_by_one(ardupilot):
+    g = ardupilot
+    items = [g.item(n, 0, 22 if n == 1 else 16, (0.0, 0.0, 0.0, 0.0), z=10.0 + n) for n in range(5)]
+    g.upload(items)
+    (request,) = g.of("MISSION_REQUEST", g.send(M.MAVLink_mission_write_partial_list_message(1, 1, 2, 3, 0)))
+    assert request.seq == 2
+    g.send(g.item(2, 0, 16, (0.0, 0.0, 0.0, 0.0), z=50.0))
+    (ack,) = g.of("MISSION_ACK", g.send(g.item(3, 0, 16, (0.0, 0.0, 0.0, 0.0), z=51.0)))
+    assert ack.type == 0
+    assert [m.z for m in g.download()][1:] == [11.0, 50.0, 51.0, 14.0]
+    (ack,) = g.of("MISSION_ACK", g.send(M.MAVLink_mission_write_partial_list_message(1, 1, 2, 9, 0)))
+    assert ack.type == M.MAV_MISSION_ERROR
+    (ack,) = g.of("MISSION_ACK", g.send(M.MAVLink_mission_write_partial_list_message(1, 1, 0, 0, 1)))
+    assert ack.type == M.MAV_MISSION_UNSUPPORTED

@@ -26,12 +26,12 @@ class Client:
         payload = (payload + data).ljust(251, b"\0")
         start = len(self.ground.heard)
         self.ground.send(mavlink.MAVLink_file_transfer_protocol_message(0, 1, component, list(payload)))
-        return self.answers(start)
+        return self.answers(start, component)
 
-    def answers(self, start):
+    def answers(self, start, component=100):
         found = []
         for m in self.ground.of("FILE_TRANSFER_PROTOCOL", self.ground.heard[start:]):
-            assert m.get_srcComponent() == 100
+            assert m.get_srcComponent() == component
             raw = bytes(m.payload)
             sequence, session, kind, size, requested, complete, _, offset = struct.unpack("<HBBBBBBI", raw[:12])
             found.append((sequence, session, kind, requested, complete, offset, raw[12 : 12 + size]))
@@ -155,4 +155,5 @@ def test_a_repeated_request_gets_the_same_answer_again(client):
 
 
 def test_requests_to_the_autopilot_are_not_for_the_camera(client):
-    assert client.request(3, data=b"/", component=1) == []
+    ((*_, kind, _, _, _, data),) = client.request(3, data=b"/DCIM", component=1)
+    assert (kind, data) == (NAK, b"\6")

@@ -211,7 +211,7 @@ def test_offboard_follows_position_velocity_and_acceleration(either):
 def test_global_setpoints_are_the_same_place(ardupilot):
     enter_offboard(ardupilot)
     x, y = round((31.3622) * 1e7), round(121.6155 * 1e7)
-    for _ in range(100):
+    for _ in range(200):
         ardupilot.send(M.MAVLink_set_position_target_global_int_message(
             0, 1, 1, 5, 0x800, x, y, 20.0, 0, 0, 0, 0, 0, 0, 0.0, 0.0))  # fmt: skip
         ardupilot.run(0.1)

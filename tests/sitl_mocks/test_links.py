@@ -201,3 +201,37 @@ def test_a_packets_arrival_time_is_the_systems_not_the_readers(make_ground):
         assert arrived <= 100.0 - 0.1
     finally:
         link.close()
+
+
+def test_a_packet_takes_its_time_and_queues_for_a_slow_line():
+    out, pipe = passed(LinkFaults(latency_s=0.5), n=10)
+    assert (out, pipe.next_s) == ([], 0.5)
+    pipe.release(0.5)
+    assert len(out) == 10
+    slow = LinkFaults(bytes_per_s=1000.0)
+    heard = []
+    pipe = FaultyPipe(lambda packet: heard.append(len(packet)), slow, 1)
+    for _ in range(10):
+        pipe.put(bytes(100), 0.0)
+    pipe.release(0.55)
+    assert len(heard) == 5
+    pipe.put(bytes(100), 5.0)
+    assert pipe.next_s == pytest.approx(0.6)
+    pipe.release(5.05)
+    assert len(heard) == 10, "the last one is on the line for 0.1 s"
+
+
+def test_damage_flips_a_bit_or_cuts_the_end_off():
+    packet = bytes(range(50))
+    for faults, wrong in ((LinkFaults(corrupt=0.3), 600), (LinkFaults(shortened=0.3), 600)):
+        out = []
+        pipe = FaultyPipe(out.append, faults, 1)
+        for _ in range(2000):
+            pipe.put(packet, 0.0)
+        damaged = [p for p in out if p != packet]
+        assert wrong * 0.85 < len(damaged) < wrong * 1.15
+        for p in damaged:
+            if faults.corrupt:
+                assert sum((a ^ b).bit_count() for a, b in zip(p, packet, strict=True)) == 1
+            else:
+                assert packet.startswith(p)

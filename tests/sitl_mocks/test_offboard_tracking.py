@@ -274,3 +274,24 @@ def test_a_stream_that_stops_at_speed_sweeps_no_more_than_was_certified(make_gro
     assert vehicle.mode_name() == "AUTO.LOITER"
     assert along.max() <= swept
     assert np.linalg.norm(way - along[:, None] * velocity / speed, axis=1).max() < 0.5
+
+
+def test_an_ardupilot_like_vehicle_follows_as_its_own_gains_say(make_ground):
+    """By default as late as the recorded one (0.02 s); stiffer gains keep closer, and a small tilt cannot."""
+    curve = recorded_curve()
+
+    def flown(**parameters):
+        ground = make_ground("ardupilot", parameters=tuple(parameters.items()))
+        return fly(ground, curve, learning=False, flight=offboard_flight(curve, accelerates=False))[0]
+
+    usual, stiff, damped, upright = (
+        flown(),
+        flown(PSC_POSXY_P=3.0),
+        flown(PSC_VELXY_P=4.0),
+        flown(ANGLE_MAX=1000),
+    )
+    assert usual.deviation.max() < 0.41
+    assert usual.lag_s == pytest.approx(0.02, abs=0.01)
+    assert max(stiff.deviation.max(), damped.deviation.max()) < 0.8 * usual.deviation.max()
+    assert upright.deviation.max() > 3.0
+    assert flown(ANGLE_MAX=1000, PSC_ANGLE_MAX=30).deviation.max() == pytest.approx(usual.deviation.max(), abs=0.01)

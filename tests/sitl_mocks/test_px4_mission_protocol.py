@@ -22,6 +22,7 @@ def test_asks_with_int_requests_and_accepts(px4):
 def test_an_old_request_gets_a_float_item(px4):
     px4.upload(simple_mission(px4))
     px4.send(M.MAVLink_mission_request_list_message(1, 1, 0))
+    px4.send(M.MAVLink_mission_request_int_message(1, 1, 0, 0))
     (item,) = px4.of("MISSION_ITEM", px4.send(M.MAVLink_mission_request_message(1, 1, 1, 0)))
     assert item.x == pytest.approx(31.3622 + 5.0 / 110_863.0, abs=1e-5)
 
@@ -168,6 +169,44 @@ def test_cancelling_works_and_keeps_the_old_mission(px4):
     px4.send(M.MAVLink_mission_ack_message(1, 1, M.MAV_MISSION_OPERATION_CANCELLED, 0))
     assert px4.of("MISSION_REQUEST_INT", px4.run(1.0)) == []
     assert len(px4.download()) == 4
+
+
+def test_a_list_is_given_out_strictly_in_order_and_to_one_at_a_time(px4):
+    other = px4.second()
+    px4.upload(simple_mission(px4))
+    assert px4.send(M.MAVLink_mission_request_int_message(1, 1, 0, 0)) == [], "nobody asked for the list"
+    px4.send(M.MAVLink_mission_request_list_message(1, 1, 0))
+    assert other.of("MISSION_COUNT", other.send(M.MAVLink_mission_request_list_message(1, 1, 0))) == []
+    (busy,) = other.of("MISSION_ACK", other.send(M.MAVLink_mission_count_message(1, 1, 2, 0)))
+    assert busy.type == M.MAV_MISSION_ERROR
+    for n in (0, 0, 1):
+        assert px4.of("MISSION_ITEM_INT", px4.send(M.MAVLink_mission_request_int_message(1, 1, n, 0)))
+    (ack,) = px4.of("MISSION_ACK", px4.send(M.MAVLink_mission_request_int_message(1, 1, 3, 0)))
+    assert ack.type == M.MAV_MISSION_ERROR
+    assert px4.send(M.MAVLink_mission_request_int_message(1, 1, 2, 0)) == [], "that was the end of it"
+    assert len(px4.download()) == 4
+
+
+def id_of(message, at):
+    """The opaque id that lies at a place of a payload."""
+    packet = bytes(message.get_msgbuf())
+    return int.from_bytes(packet[10 : 10 + packet[1]].ljust(at + 4, b"\0")[at : at + 4], "little")
+
+
+def test_it_names_its_lists_by_ids(px4):
+    ids = []
+    for mission in (simple_mission(px4), simple_mission(px4), simple_mission(px4)[:3]):
+        px4.upload(mission)
+        (count,) = px4.of("MISSION_COUNT", px4.send(M.MAVLink_mission_request_list_message(1, 1, 0)))
+        px4.send(M.MAVLink_mission_ack_message(1, 1, 0, 0))
+        ids.append(id_of(count, 5))
+        assert id_of(px4.of("MISSION_ACK")[-1], 4) == ids[-1]
+        assert id_of(px4.of("MISSION_CURRENT", px4.run(1.5))[-1], 6) == ids[-1]
+    assert ids[0] == ids[1] != ids[2]
+    assert 0 not in ids
+    px4.send(M.MAVLink_mission_clear_all_message(1, 1, 0))
+    (count,) = px4.of("MISSION_COUNT", px4.send(M.MAVLink_mission_request_list_message(1, 1, 0)))
+    assert (count.count, id_of(count, 5)) == (0, 0)
 
 
 def test_count_zero_and_clear_all_clear(px4):

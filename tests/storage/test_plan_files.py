@@ -44,6 +44,21 @@ def test_a_plan_comes_back_exactly(tmp_path, small_plan, small_structure):
     assert back.coverage.share_seen == 0.75
 
 
+def test_stops_and_holds_come_back_and_are_stops_where_nothing_is_said(tmp_path, small_plan, small_structure):
+    first, *others = small_plan.viewpoints
+    passed = [replace(view, stops=False) for view in others]
+    write_plan(replace(small_plan, viewpoints=(replace(first, hold_s=4.0), *passed)), small_structure, tmp_path / "out")
+    back = read_plan(tmp_path / "out").viewpoints
+    assert [v.stops for v in back] == [True] + [False] * len(passed)
+    assert [v.hold_s for v in back] == [4.0] + [0.0] * len(passed)
+    document = json.loads((tmp_path / "out" / "plan.json").read_text())
+    for view in document["viewpoints"]:
+        del view["stops"], view["hold_s"]
+    (tmp_path / "out" / "plan.json").write_text(json.dumps(document))
+    older = read_plan(tmp_path / "out").viewpoints
+    assert all(v.stops and v.hold_s == 0.0 for v in older)
+
+
 def test_a_camera_of_the_library_is_written_with_its_numbers(tmp_path, scenario_data, small_plan, small_structure):
     asked = {"model": "Mavic 3E", "exposure_s": 0.002}
     plan = replace(small_plan, scenario=parse_scenario({**scenario_data, "camera": asked}))

@@ -52,7 +52,9 @@ async def test_all_of_the_crane_over_a_bad_link(mode, gcs, vehicle, crane_plan, 
 async def test_a_detour_is_reported_once(gcs, vehicle, small_plan, tmp_path, records, is_whole):
     drone = vehicle("px4", "--replan", "--loss", "0.1", plan=small_plan, speedup=8, card=tmp_path / "card")
     data = tmp_path / "data"
-    told = await gcs("fly", small_plan, "--connect", drone.url, "--yes", drone.name, "--json", "--data", data)
+    told = await gcs(
+        "fly", small_plan, "--connect", drone.url, "--mode", "mission", "--yes", drone.name, "--json", "--data", data
+    )
     print(told.seconds, told.summary)
     assert told.status == 0, told.text
     is_whole(drone, small_plan, data)

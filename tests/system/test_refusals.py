@@ -12,8 +12,9 @@ HOME_3_M_HIGH = "--home=31.36201962,121.61528979,7.0"
 
 async def fly(gcs, plan, vehicle, data, *extra):
     return await gcs(
-        "fly", plan, "--connect", vehicle.url, "--yes", vehicle.name, "--json", "--data", data, *extra, timeout_s=90
-    )
+        "fly", plan, "--connect", vehicle.url, "--mode", "mission", "--yes", vehicle.name, "--json", "--data", data,
+        *extra, timeout_s=90,
+    )  # fmt: skip
 
 
 def is_refused(told, vehicle, *words):
@@ -85,7 +86,7 @@ async def test_a_vehicle_that_vanishes_in_mid_upload(gcs, vehicle, small_plan, t
     flown = vehicle("px4", "--delay", "0.08", plan=small_plan, speedup=1)
     data = tmp_path / "data"
     async with gcs.running(
-        "fly", small_plan, "--connect", flown.url, "--yes", flown.name, "--json", "--data", data
+        "fly", small_plan, "--connect", flown.url, "--mode", "mission", "--yes", flown.name, "--json", "--data", data
     ) as told:
         await told.until("sending the mission")
         flown.ask("vanish")

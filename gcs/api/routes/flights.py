@@ -66,7 +66,10 @@ def list_flights(services: Services) -> list[FlightInfo]:
 
 @router.post("", status_code=201, operation_id="createFlight")
 async def create_flight(services: Services, request: FlightRequest) -> FlightInfo:
-    """Prepare a flight of a plan by a vehicle; nothing is sent to the vehicle."""
+    """Prepare a flight of a plan by a vehicle; nothing is changed on the vehicle.
+
+    Without a mode the vehicle is asked for its settings, and the way to fly is chosen by what is predicted of both.
+    """
     flight = await services.flights.create(request.plan_id, request.vehicle, request.mode)
     return _info(services, flight.id)
 

@@ -7,7 +7,7 @@ from typing import Annotated
 from fastapi import APIRouter, Query
 
 from gcs.api.dependencies import LinkId, Services, VehicleId
-from gcs.api.schemas.vehicles import LinkInfo, LinkRequest, VehicleInfo, VehicleMessage
+from gcs.api.schemas.vehicles import LinkInfo, LinkRequest, SigningRequest, SigningResult, VehicleInfo, VehicleMessage
 from gcs.api.views import link_info, vehicle_info, vehicle_message
 
 router = APIRouter()
@@ -29,6 +29,21 @@ async def open_link(services: Services, request: LinkRequest) -> LinkInfo:
 async def close_link(services: Services, link_id: LinkId) -> None:
     """Close a link and forget it."""
     await services.vehicles.close_link(link_id)
+
+
+@router.post("/links/{link_id}/signing", tags=["links"], operation_id="setUpSigning")
+async def set_up_signing(services: Services, link_id: LinkId, request: SigningRequest) -> SigningResult:
+    """Give a disarmed vehicle a new signing key over a link, in place of its old one, and prove that it took it."""
+    proof = await services.vehicles.set_up_signing(link_id, request.vehicle, rejects_unsigned=request.rejects_unsigned)
+    return SigningResult(proved=proof.proved, words=proof.words)
+
+
+@router.delete("/links/{link_id}/signing", status_code=204, tags=["links"], operation_id="removeSigning")
+async def remove_signing(
+    services: Services, link_id: LinkId, vehicle: Annotated[str, Query(min_length=1, max_length=80)]
+) -> None:
+    """Have a disarmed vehicle forget its signing key; the link is unsigned from then on."""
+    await services.vehicles.remove_signing(link_id, vehicle)
 
 
 @router.get("/vehicles", tags=["vehicles"], operation_id="listVehicles")

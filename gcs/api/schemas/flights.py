@@ -7,6 +7,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Field
 
 from gcs.api.schemas.base import Point3, Sent, Taken
+from gcs.api.schemas.predictions import PredictionInfo
 from gcs.storage.records import FlightPath, FlightState, ImageState, UploadState
 
 VehicleName = Annotated[str, Field(min_length=1, max_length=40)]
@@ -16,16 +17,18 @@ Confirmation = Annotated[
 ]
 Accepted = Annotated[
     tuple[Annotated[str, Field(min_length=1, max_length=40)], ...],
-    Field(max_length=50, description="Names of failsafes that are switched off and accepted by the operator."),
+    Field(max_length=50, description="Names of checks that the operator accepts; NAME=VALUE sets a failsafe instead."),
 ]
 
 
 class FlightRequest(Taken):
-    """Prepare a flight; nothing is sent to the vehicle."""
+    """Prepare a flight; nothing is changed on the vehicle."""
 
     plan_id: str
     vehicle: VehicleName
-    mode: FlightPath = FlightPath.MISSION
+    mode: FlightPath | None = Field(
+        None, description="Chosen by the prediction with the vehicle's own settings when it is left out."
+    )
 
 
 class UploadRequest(Taken):
@@ -92,6 +95,9 @@ class PreflightInfo(Sent):
     at: str
     ok: bool
     checks: list[PreflightCheck]
+    prediction: PredictionInfo | None = Field(
+        description="Of both ways, with the vehicle's own settings; null when its way of flying is not known."
+    )
 
 
 class Visit(Sent):

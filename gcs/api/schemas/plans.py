@@ -7,6 +7,7 @@ from typing import Any
 from pydantic import Field
 
 from gcs.api.schemas.base import Box, CableLine, Failure, GeoPosition, Point3, Sent, Taken
+from gcs.api.schemas.predictions import PredictionInfo
 from gcs.storage.records import JobState, PlanState
 
 
@@ -57,6 +58,21 @@ class SortieReport(Sent):
     end_s: float
 
 
+class TrackingReport(Sent):
+    """How closely a rigid body of the vehicle's mass could fly the curve in light gusts, and what its motors give."""
+
+    axes_m: Point3 = Field(description="Largest position error east, north and up.")
+    distance_m: float = Field(description="Largest distance from where it is to be at that moment.")
+    deviation_m: float = Field(description="Largest distance from the curve.")
+    mean_deviation_m: float
+    yaw_rad: float = Field(description="Largest error of the heading.")
+    thrust_n: tuple[float, float] = Field(description="Least and largest thrust of a motor.")
+    most_thrust_n: float = Field(description="What one motor can give.")
+    saturated_share: float = Field(description="Share of the time in which a motor gives all that it can.")
+    mass_kg: float
+    gusts_m_s: float
+
+
 class PlanReport(Sent):
     """The figures of `report.json`."""
 
@@ -94,6 +110,12 @@ class PlanReport(Sent):
         default_factory=list, description="The flights, when one battery is not enough for all; else empty."
     )
     mission_items: int | None = Field(description="None when the plan was written without mission files.")
+    predictions: list[PredictionInfo] = Field(
+        default_factory=list, description="Of vehicles with their autopilot's usual settings."
+    )
+    tracking: TrackingReport | None = Field(
+        None, description="None for several sorties, which have their own, and in reports of earlier releases."
+    )
     stages_s: dict[str, float]
 
 
@@ -119,7 +141,7 @@ class PlanAccepted(Sent):
 
 
 class ViewpointInfo(Sent):
-    """A place from which one picture is taken, at standstill."""
+    """A place from which one picture is taken."""
 
     id: int
     name: str

@@ -17,6 +17,32 @@ class LinkRequest(Taken):
     )
 
 
+class SigningRequest(Taken):
+    """Give a vehicle a signing key, over a link that nobody else can hear: the key goes there unencrypted."""
+
+    vehicle: str = Field(min_length=1, max_length=80, description="Its name; it must be disarmed.")
+    rejects_unsigned: bool = Field(default=True, description="Whether unsigned packets are refused from then on.")
+
+
+class SigningResult(Sent):
+    """What came of giving a vehicle a key."""
+
+    proved: bool = Field(description="Signed questions were answered, and unsigned ones were not.")
+    words: str
+
+
+class SigningInfo(Sent):
+    """How signing of a link goes."""
+
+    rejects_unsigned: bool
+    good: int = Field(description="Packets signed with the link's key.")
+    unsigned: int
+    wrong_key: int
+    repeated: int = Field(description="Signed, but no newer than one that was heard before.")
+    past: int = Field(description="Signed by a clock in the past.")
+    problem: str | None = Field(description="What went wrong in the last seconds, and what to do.")
+
+
 class LinkInfo(Sent):
     """A link that the operator opened."""
 
@@ -29,6 +55,7 @@ class LinkInfo(Sent):
     problem: str | None
     messages_per_s: float | None
     peers: list[str]
+    signing: SigningInfo | None = Field(default=None, description="Null when the link is not signed.")
 
 
 class Battery(Sent):
@@ -55,6 +82,17 @@ class Attitude(Sent):
     heading_deg: float = Field(description="From north, clockwise, 0 to 360.")
 
 
+class WayInfo(Sent):
+    """A link on which a vehicle is heard."""
+
+    url: str
+    peer: str
+    used: bool = Field(description="Whether messages to the vehicle go this way.")
+    loss: float | None = Field(description="Share of its packets lost on the way lately, when there is more than one.")
+    round_trip_s: float | None
+    age_s: float = Field(description="Since the last packet.")
+
+
 class VehicleInfo(Sent):
     """A vehicle as it was last heard."""
 
@@ -70,6 +108,13 @@ class VehicleInfo(Sent):
         description="Median time from a TIMESYNC question to its answer, over the last 10 s; null when unanswered."
     )
     flight_id: str | None = Field(description="The flight it is on, when one is open.")
+    id_clash: str | None = Field(
+        default=None, description="How two vehicles with its system id were told apart; it is not commanded then."
+    )
+    mavlink_version: int | None = Field(
+        default=None, description="Of its heartbeats: one that sends MAVLink 1 is heard, but may not understand us."
+    )
+    ways: list[WayInfo] = Field(default=[], description="The links on which it is heard, the one that is used first.")
     armed: Reading[bool] | None
     mode: Reading[str] | None = Field(description="In words common to both stacks.")
     mode_name: Reading[str] | None = Field(description="The stack's own name of the mode.")

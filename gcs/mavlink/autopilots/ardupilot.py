@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from dataclasses import replace
 
 from gcs.core.errors import RefusedError
 from gcs.core.flight_law import ArduPilotLaw
@@ -16,7 +17,9 @@ from gcs.mavlink.autopilots.base import (
     FlightStack,
     ParameterValues,
     failsafe,
+    gains_from,
     law_from,
+    not_told,
     positive,
     setting,
 )
@@ -79,11 +82,18 @@ _LAW_SETTINGS = {
     "corner_acceleration_m_s2": ("WPNAV_ACCEL_C", _CENTIMETRES),
     "jerk_m_s3": ("WPNAV_JERK", 1.0),
     "radius_m": ("WPNAV_RADIUS", _CENTIMETRES),
+    "input_time_s": ("ATC_INPUT_TC", 1.0),
     "stream_jerk_m_s3": ("PSC_JERK_XY", 1.0),
     "stream_vertical_jerk_m_s3": ("PSC_JERK_Z", 1.0),
+    "position_gain_s": ("PSC_POSXY_P", 1.0),
+    "vertical_position_gain_s": ("PSC_POSZ_P", 1.0),
+    "vertical_velocity_gain_s": ("PSC_VELZ_P", 1.0),
     "landing_speed_m_s": ("LAND_SPEED", _CENTIMETRES),
 }
 """Fields of its flight law, the parameters that set them, and their units."""
+_LEVEL_GAINS = ("PSC_VELXY_P", "PSC_VELXY_I", "PSC_VELXY_D")
+_TILT = ("ANGLE_MAX", "PSC_ANGLE_MAX")
+_LAW_NAMES = (*(name for name, _ in _LAW_SETTINGS.values()), *_LEVEL_GAINS, *_TILT)
 
 
 class ArduPilot(FlightStack):
@@ -92,6 +102,7 @@ class ArduPilot(FlightStack):
     autopilot = Autopilot.ARDUPILOT
     arming_mode = FlightMode.OFFBOARD
     camera_announces = False
+    serves_lists_as_files = True
     limit_parameters = (
         "WPNAV_SPEED",
         "WPNAV_SPEED_UP",
@@ -107,7 +118,7 @@ class ArduPilot(FlightStack):
         "FENCE_MARGIN",
         "SRTL_ACCURACY",
         "SRTL_POINTS",
-        *(name for name, _ in _LAW_SETTINGS.values()),
+        *_LAW_NAMES,
     )
     failsafe_parameters = (
         "FS_GCS_ENABLE",
@@ -116,6 +127,7 @@ class ArduPilot(FlightStack):
         "FS_OPTIONS",
         "BATT_FS_LOW_ACT",
         "BATT_FS_CRT_ACT",
+        *(f"BATT_{level}_{unit}" for level in ("LOW", "CRT") for unit in ("VOLT", "MAH")),
         "FENCE_ENABLE",
         "FENCE_ACTION",
         "GUID_TIMEOUT",
@@ -212,7 +224,9 @@ class ArduPilot(FlightStack):
             return_altitude_m=setting(values, "RTL_ALT", _CENTIMETRES),
             return_flight=_return_flight(values),
             retrace=_retrace_memory(values),
-            flight_law=law_from(values, ArduPilotLaw(), _LAW_SETTINGS),
+            flight_law=_flight_law(values),
+            law_defaults=not_told(values, _LAW_NAMES),
+            max_tilt_rad=_max_tilt_rad(values),
         )
 
     def retrace_mode(self) -> int | None:
@@ -330,6 +344,15 @@ def _goes_on(values: ParameterValues, bit: int, besides: Mapping[FlightMode, Own
 
 
 def _battery(values: ParameterValues, name: str, about: str, level: str) -> Failsafe:
+    """A battery failsafe; without a voltage and a charge at which it acts it never does."""
+    read = _battery_action(values, name, about, level)
+    thresholds = [f"BATT_{name.split('_')[2]}_{unit}" for unit in ("VOLT", "MAH")]
+    if not read.active or any(values.get(threshold) != 0 for threshold in thresholds):
+        return read
+    return replace(read, active=False, effect=f"never acts: {' and '.join(thresholds)} are 0", actions={}, settings={})
+
+
+def _battery_action(values: ParameterValues, name: str, about: str, level: str) -> Failsafe:
     return failsafe(
         values,
         name,
@@ -346,6 +369,21 @@ def _battery(values: ParameterValues, name: str, about: str, level: str) -> Fail
         },
         does=_BATTERY,
         settings={OwnAction.RETURN: f"{name} 2", OwnAction.LAND: f"{name} 1", OwnAction.RETRACE: f"{name} 4"},
+    )
+
+
+def _max_tilt_rad(values: ParameterValues) -> float | None:
+    """PSC_ANGLE_MAX (degrees), or ANGLE_MAX (hundredths of them) where that is 0."""
+    own = positive(setting(values, "PSC_ANGLE_MAX", math.radians(1.0)))
+    return own or positive(setting(values, "ANGLE_MAX", math.radians(0.01)))
+
+
+def _flight_law(values: ParameterValues) -> ArduPilotLaw:
+    law = law_from(values, ArduPilotLaw(), _LAW_SETTINGS)
+    return replace(
+        law,
+        velocity_gains_s=gains_from(values, _LEVEL_GAINS, law.velocity_gains_s),
+        max_tilt_rad=_max_tilt_rad(values) or law.max_tilt_rad,
     )
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any, Protocol, TypeVar
 
@@ -73,6 +73,8 @@ class FlightStack(ABC):
     """One flight stack: its mode numbers, sequences, commands and parameter names. It holds no state."""
 
     autopilot: Autopilot
+    known = True
+    """Whether the station knows how to command it."""
     arming_mode = FlightMode.HOLD
     """The mode in which the vehicle's own readiness check says whether it can be armed for a flight."""
     camera_announces = True
@@ -82,6 +84,8 @@ class FlightStack(ABC):
     on (ArduPilot integrates it between setpoints), nothing but the curve's own acceleration may be in it."""
     bytewise_parameters = False
     """Whether whole-number parameters travel as their bytes inside the float, not as a float of the same value."""
+    serves_lists_as_files = False
+    """Whether the autopilot serves missions and parameters as files too (`@MISSION`, `@PARAM`)."""
     limit_parameters: tuple[str, ...] = ()
     failsafe_parameters: tuple[str, ...] = ()
 
@@ -200,6 +204,19 @@ def law_from(values: ParameterValues, usual: Law, names: Mapping[str, tuple[str,
         if value is not None:
             told[field] = value
     return replace(usual, **told)
+
+
+def gains_from(
+    values: ParameterValues, names: tuple[str, str, str], usual: tuple[float, float, float]
+) -> tuple[float, float, float]:
+    """Proportional, integral and derivative gain; 0 is a gain too, and what was not told is as usual."""
+    p, i, d = (value if (value := values.get(name)) is not None else u for name, u in zip(names, usual, strict=True))
+    return p, i, d
+
+
+def not_told(values: ParameterValues, names: Iterable[str]) -> tuple[str, ...]:
+    """Those of the names whose value the vehicle did not tell."""
+    return tuple(name for name in names if values.get(name) is None)
 
 
 IN_FLIGHT = (FlightMode.MISSION, FlightMode.HOLD, FlightMode.OFFBOARD)

@@ -1,4 +1,4 @@
-"""Any other autopilot: watched, and its missions, parameters and files read, but not commanded to fly."""
+"""Any other autopilot: watched, its missions uploaded and read, its parameters and files read; nothing is commanded."""
 
 from __future__ import annotations
 
@@ -8,15 +8,20 @@ from gcs.core.errors import RefusedError
 from gcs.core.vehicle import Autopilot, Failsafe, FlightMode, VehicleLimits
 from gcs.mavlink.autopilots.base import CommandCall, FlightControl, FlightStack, ParameterValues
 
+UNKNOWN_STACK = (
+    "its flight stack is neither PX4 nor ArduPilot: this station uploads missions to it and commands nothing"
+)
+
 
 def _unknown() -> NoReturn:
-    raise RefusedError("its flight stack is neither PX4 nor ArduPilot, and this station does not know how to fly it")
+    raise RefusedError(UNKNOWN_STACK)
 
 
 class GenericAutopilot(FlightStack):
     """An autopilot whose modes and parameters are not known."""
 
     autopilot = Autopilot.GENERIC
+    known = False
 
     def flight_mode(self, custom_mode: int) -> tuple[FlightMode, str]:
         """See FlightStack."""

@@ -17,7 +17,9 @@ from gcs.mavlink.autopilots.base import (
     FlightStack,
     ParameterValues,
     failsafe,
+    gains_from,
     law_from,
+    not_told,
     positive,
     setting,
 )
@@ -70,6 +72,8 @@ _LAW_SETTINGS = {
     "climb_acceleration_m_s2": ("MPC_ACC_UP_MAX", 1.0),
     "descent_acceleration_m_s2": ("MPC_ACC_DOWN_MAX", 1.0),
     "jerk_m_s3": ("MPC_JERK_AUTO", 1.0),
+    "turn_gain": ("MPC_XY_TRAJ_P", 1.0),
+    "max_lag_m": ("MPC_XY_ERR_MAX", 1.0),
     "radius_m": ("NAV_ACC_RAD", 1.0),
     "height_radius_m": ("NAV_MC_ALT_RAD", 1.0),
     "position_gain_s": ("MPC_XY_P", 1.0),
@@ -80,6 +84,7 @@ _LAW_SETTINGS = {
 """Fields of its flight law, the parameters that set them, and their units."""
 _LEVEL_GAINS = ("MPC_XY_VEL_P_ACC", "MPC_XY_VEL_I_ACC", "MPC_XY_VEL_D_ACC")
 _VERTICAL_GAINS = ("MPC_Z_VEL_P_ACC", "MPC_Z_VEL_I_ACC", "MPC_Z_VEL_D_ACC")
+_LAW_NAMES = (*(name for name, _ in _LAW_SETTINGS.values()), *_LEVEL_GAINS, *_VERTICAL_GAINS)
 
 
 def custom_mode_number(main: int, sub: int) -> int:
@@ -104,9 +109,7 @@ class Px4(FlightStack):
         "RTL_CONE_ANG",
         "RTL_MIN_DIST",
         "NAV_ACC_RAD",
-        *(name for name, _ in _LAW_SETTINGS.values()),
-        *_LEVEL_GAINS,
-        *_VERTICAL_GAINS,
+        *_LAW_NAMES,
     )
     failsafe_parameters = (
         "NAV_DLL_ACT",
@@ -219,6 +222,8 @@ class Px4(FlightStack):
             return_altitude_m=setting(values, "RTL_RETURN_ALT"),
             return_flight=_return_flight(values),
             flight_law=_flight_law(values),
+            law_defaults=not_told(values, _LAW_NAMES),
+            max_tilt_rad=positive(setting(values, "MPC_TILTMAX_AIR", math.radians(1.0))),
         )
 
     def failsafes(self, values: ParameterValues) -> tuple[Failsafe, ...]:
@@ -363,17 +368,9 @@ def _flight_law(values: ParameterValues) -> Px4Law:
     law = law_from(values, Px4Law(), _LAW_SETTINGS)
     return replace(
         law,
-        velocity_gains_s=_gains(values, _LEVEL_GAINS, law.velocity_gains_s),
-        vertical_velocity_gains_s=_gains(values, _VERTICAL_GAINS, law.vertical_velocity_gains_s),
+        velocity_gains_s=gains_from(values, _LEVEL_GAINS, law.velocity_gains_s),
+        vertical_velocity_gains_s=gains_from(values, _VERTICAL_GAINS, law.vertical_velocity_gains_s),
     )
-
-
-def _gains(
-    values: ParameterValues, names: tuple[str, str, str], usual: tuple[float, float, float]
-) -> tuple[float, float, float]:
-    """Proportional, integral and derivative gain; 0 is a gain too."""
-    p, i, d = (value if (value := values.get(name)) is not None else u for name, u in zip(names, usual, strict=True))
-    return p, i, d
 
 
 def _return_flight(values: ParameterValues) -> ReturnFlight | None:

@@ -33,9 +33,6 @@ Floats = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 _STEP_S = 0.01
 _STEPS_A_SAMPLE = round(SAMPLE_S / _STEP_S)
 _SETTLE_S = 3.0
-_VERTICAL_GAINS = (1.0, 5.0, 0.0, 0.0)
-"""PSC_POSZ_P and PSC_VELZ_P; what PSC_ACCZ adds is quicker than anything here."""
-
 _LEAST_LEG_M = 1e-3
 
 
@@ -111,7 +108,7 @@ def ardupilot_gains(law: ArduPilotLaw, airframe: Airframe, speed: float, climb: 
     """The cascade's numbers; corrections may exceed the speeds of the mission by half."""
     return packed_gains(
         level=(law.position_gain_s, *law.velocity_gains_s),
-        vertical=_VERTICAL_GAINS,
+        vertical=(law.vertical_position_gain_s, law.vertical_velocity_gain_s, 0.0, 0.0),
         derivative_of_error=True,
         max_speed_m_s=1.5 * speed,
         max_climb_m_s=1.5 * climb,

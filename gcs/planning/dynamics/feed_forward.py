@@ -13,7 +13,8 @@ be asked for that much earlier.
 
 All are used with caution. Of the drag only what is certain, `k - 2 sigma`, is fed forward: an estimate that is too high
 would push a vehicle on whose setpoints have stopped, one that is too low cannot. What is used is bounded, changes
-slowly, and is nothing at all before the flight has shown enough motion.
+slowly, and is nothing at all before a flight has shown enough motion. A later flight of the same vehicle starts from
+what the last one ended with, a little less certain of it: propellers, payload and battery change in between.
 """
 
 from __future__ import annotations
@@ -24,6 +25,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from gcs.core.learned_dynamics import NOTHING_LEARNED, Estimate, LearnedDynamics
 from gcs.planning.dynamics.quadrotor import GRAVITY_M_S2
 
 if TYPE_CHECKING:
@@ -67,13 +69,8 @@ _TILT_NOISE = 0.02
 _MODEL_SIGMA_S = 0.02
 """No drag is known better than this, however long the flight: real drag is not quite linear."""
 
-
-@dataclass(frozen=True)
-class Estimate:
-    """A number that was learned, and its standard deviation."""
-
-    value: float
-    sigma: float
+_CARRIED_DRAG_SIGMA_S, _CARRIED_LAG_SIGMA_S = 0.1, 0.05
+"""By so much a vehicle may have changed from one flight to the next."""
 
 
 class _Stretches:
@@ -95,10 +92,16 @@ class _Stretches:
 
 
 class DragEstimator:
-    """Drag over mass from tilt against speed; the same along and across the vehicle, and in every direction."""
+    """Drag over mass from tilt against speed; the same along and across the vehicle, and in every direction.
 
-    def __init__(self) -> None:
-        self._prior = np.diag([_DRAG_SPREAD_S**-2, _WIND_SPREAD_M_S2**-2, _WIND_SPREAD_M_S2**-2])
+    Args:
+        start: what an earlier flight has shown; nothing is known when None.
+    """
+
+    def __init__(self, start: Estimate | None = None) -> None:
+        expected, spread = (0.0, _DRAG_SPREAD_S) if start is None else (start.value, start.sigma)
+        self._prior = np.diag([spread**-2, _WIND_SPREAD_M_S2**-2, _WIND_SPREAD_M_S2**-2])
+        self._expected = self._prior @ [expected, 0.0, 0.0]
         self._information = np.zeros((3, 3))
         self._vector = np.zeros(3)
         self._squares, self._weight = 0.0, 0.0
@@ -116,7 +119,7 @@ class DragEstimator:
         covariance = np.linalg.inv(self._prior + self._information)
         noise = 1.0 if self._weight == 0.0 else max(1.0, self._squares / self._weight)
         sigma = math.hypot(math.sqrt(float(covariance[0, 0]) * noise), _MODEL_SIGMA_S)
-        return Estimate(float((covariance @ self._vector)[0]), sigma)
+        return Estimate(float((covariance @ (self._expected + self._vector))[0]), sigma)
 
     def _take(self, stretch: list[MotionSample]) -> None:
         t = np.array([s.vehicle_s for s in stretch])
@@ -136,16 +139,21 @@ class DragEstimator:
         fade = math.exp(-way / _DRAG_MEMORY_M)
         self._information = fade * self._information + rows.T @ rows
         self._vector = fade * self._vector + rows.T @ seen
-        fitted = np.linalg.solve(self._prior + self._information, self._vector)
+        fitted = np.linalg.solve(self._prior + self._information, self._expected + self._vector)
         self._squares = fade * self._squares + float(np.sum((seen - rows @ fitted) ** 2))
         self._weight = fade * self._weight + 2.0
 
 
 class LagEstimator:
-    """Delay of the vehicle behind its setpoints."""
+    """Delay of the vehicle behind its setpoints.
 
-    def __init__(self) -> None:
-        self._moved, self._behind, self._squares, self._weight = 0.0, 0.0, 0.0, 0.0
+    Args:
+        start: what an earlier flight has shown; nothing is known when None.
+    """
+
+    def __init__(self, start: Estimate | None = None) -> None:
+        self._moved, self._behind = _as_if_seen(start, _PLACE_NOISE_M)
+        self._squares, self._weight = 0.0, 0.0
         self._last_s: float | None = None
 
     def add(
@@ -185,10 +193,15 @@ class LagEstimator:
 
 
 class TiltLagEstimator:
-    """Delay of the tilt behind what the position controller asks for."""
+    """Delay of the tilt behind what the position controller asks for.
 
-    def __init__(self) -> None:
-        self._turned, self._behind, self._squares, self._count = 0.0, 0.0, 0.0, 0.0
+    Args:
+        start: what an earlier flight has shown; nothing is known when None.
+    """
+
+    def __init__(self, start: Estimate | None = None) -> None:
+        self._turned, self._behind = _as_if_seen(start, _TILT_NOISE)
+        self._squares, self._count = 0.0, 0.0
         self._stretches = _Stretches()
 
     def add(self, sample: MotionSample) -> None:
@@ -235,19 +248,42 @@ class FeedForward:
 NO_FEED_FORWARD = FeedForward()
 
 
-def usable(drag: Estimate, lag: Estimate, tilt_lag: Estimate) -> FeedForward:
-    """What may be used of three estimates: nothing of what is not known well, and no more drag than is certain.
+def known(drag: Estimate, lag: Estimate, tilt_lag: Estimate) -> LearnedDynamics:
+    """Of three estimates those that are good enough to be used.
 
     Args:
         drag: over mass, 1/s.
         lag: behind setpoints, s.
         tilt_lag: of the tilt behind what is asked for, s.
     """
-    drag_s = drag.value - 2.0 * drag.sigma if drag.sigma <= DRAG_SIGMA_S else 0.0
-    lead_s = lag.value if lag.sigma <= LAG_SIGMA_S else 0.0
-    tilt_lead_s = tilt_lag.value if tilt_lag.sigma <= LAG_SIGMA_S else 0.0
-    if not all(math.isfinite(number) for number in (drag_s, lead_s, tilt_lead_s)):
-        return NO_FEED_FORWARD
+    if not all(math.isfinite(number) for e in (drag, lag, tilt_lag) for number in (e.value, e.sigma)):
+        return NOTHING_LEARNED
+    return LearnedDynamics(
+        drag if drag.sigma <= DRAG_SIGMA_S else None,
+        lag if lag.sigma <= LAG_SIGMA_S else None,
+        tilt_lag if tilt_lag.sigma <= LAG_SIGMA_S else None,
+    )
+
+
+def carried_over(learned: LearnedDynamics) -> LearnedDynamics:
+    """What the next flight of the same vehicle may start with: the same, known a little less well."""
+
+    def aged(estimate: Estimate | None, change: float) -> Estimate | None:
+        return None if estimate is None else Estimate(estimate.value, math.hypot(estimate.sigma, change))
+
+    return LearnedDynamics(
+        aged(learned.drag, _CARRIED_DRAG_SIGMA_S),
+        aged(learned.lag, _CARRIED_LAG_SIGMA_S),
+        aged(learned.tilt_lag, _CARRIED_LAG_SIGMA_S),
+    )
+
+
+def usable(learned: LearnedDynamics) -> FeedForward:
+    """What may be used of what is known: no more drag than is certain."""
+    drag, lag, tilt_lag = learned.drag, learned.lag, learned.tilt_lag
+    drag_s = 0.0 if drag is None else drag.value - 2.0 * drag.sigma
+    lead_s = 0.0 if lag is None else lag.value
+    tilt_lead_s = 0.0 if tilt_lag is None else tilt_lag.value
     return FeedForward(
         min(max(drag_s, 0.0), MAX_DRAG_S), min(max(lead_s, 0.0), MAX_LAG_S), min(max(tilt_lead_s, 0.0), MAX_TILT_LAG_S)
     )
@@ -267,6 +303,14 @@ def eased(present: FeedForward, wanted: FeedForward, step_s: float) -> FeedForwa
         present.lead_s + min(max(wanted.lead_s - present.lead_s, -lag), lag),
         present.tilt_lead_s + min(max(wanted.tilt_lead_s - present.tilt_lead_s, -lag), lag),
     )
+
+
+def _as_if_seen(start: Estimate | None, noise: float) -> tuple[float, float]:
+    """Sums of squares and of products that a lag of that value and deviation has left behind."""
+    if start is None:
+        return 0.0, 0.0
+    seen = (noise / start.sigma) ** 2
+    return seen, seen * start.value
 
 
 def _mean(values: NDArray[np.float64], t: NDArray[np.float64]) -> NDArray[np.float64]:

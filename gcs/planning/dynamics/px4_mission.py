@@ -37,7 +37,8 @@ _NAVIGATOR_STEPS = 5
 """The navigator looks at the position less often than the controller runs."""
 
 _SLOWEST_M_S = 0.1
-"""A mission that takes longer than its way at this speed, and two minutes, is taken for stuck."""
+_PATIENCE_S = 120.0
+"""A mission is taken for stuck when a leg takes longer than at this speed, and two minutes."""
 
 _SETTLE_S = 3.0
 """How long the flight is followed after the last waypoint counts as reached."""
@@ -80,7 +81,7 @@ def predict_px4_mission(route: MissionRoute, law: Px4Law, airframe: Airframe) ->
     points = np.ascontiguousarray(route.points_m)
     radius = np.where(route.radius_m > 0, route.radius_m, law.radius_m)
     length = float(np.linalg.norm(np.diff(points, axis=0), axis=1).sum())
-    most = length / _SLOWEST_M_S + float(route.hold_s.sum()) + 120.0
+    most = length / _SLOWEST_M_S + float(route.hold_s.sum()) + _PATIENCE_S
     samples = np.empty((math.ceil(most / SAMPLE_S) + 2, 3))
     used, finished = _fly(
         points,
@@ -260,8 +261,16 @@ def _fly(
     last = points.shape[0] - 1
     current, inside, case = 1, -1.0, -1
     used, step, changed = 0, 0, True
+    timed, give_up_s = 0, 0.0
     while True:
         t = step * _STEP_S
+        if current != timed:
+            timed, gap = current, 0.0
+            for k in range(3):
+                gap += (points[current, k] - points[current - 1, k]) ** 2
+            give_up_s = t + math.sqrt(gap) / _SLOWEST_M_S + holds[current] + _PATIENCE_S
+        elif t > give_up_s:
+            return used, False
         if step % _STEPS_A_SAMPLE == 0:
             samples[used] = state[:3]
             used += 1

@@ -23,7 +23,10 @@ if TYPE_CHECKING:
     from gcs.planning.dynamics.wind_gusts import WindGusts
 
 STEP_S = 0.004
-_CHUNK = 10_000
+_BIN = 250
+"""Steps of one row of a history: a second."""
+
+_CHUNK = 40 * _BIN
 _SATURATED = 0.999
 
 
@@ -48,6 +51,47 @@ class TrackingPrediction:
     yaw_rad: float
     thrust_n: tuple[float, float]
     saturated_share: float
+
+
+@dataclass(frozen=True, eq=False)
+class TrackingHistory:
+    """Errors and motor thrusts of a predicted flight, second by second; of each second the extremes.
+
+    Attributes:
+        time_s: middle of each second, shape (K,).
+        axes_m: largest position error east, north and up, shape (K, 3).
+        distance_m: largest distance from where the vehicle is to be, shape (K,).
+        deviation_m: largest distance from the curve, shape (K,).
+        mean_deviation_m: the same in the mean, shape (K,).
+        yaw_rad: largest error of the heading, shape (K,).
+        thrust_n: least and largest thrust of a motor, shape (K, 2).
+        saturated_share: share in which a motor gives all that it can, shape (K,).
+        weight: share of the whole flight, shape (K,); the last second may be short.
+    """
+
+    time_s: NDArray[np.float64]
+    axes_m: NDArray[np.float64]
+    distance_m: NDArray[np.float64]
+    deviation_m: NDArray[np.float64]
+    mean_deviation_m: NDArray[np.float64]
+    yaw_rad: NDArray[np.float64]
+    thrust_n: NDArray[np.float64]
+    saturated_share: NDArray[np.float64]
+    weight: NDArray[np.float64]
+
+    @property
+    def figures(self) -> TrackingPrediction:
+        """Of the whole flight."""
+        east, north, up = (float(error) for error in self.axes_m.max(axis=0))
+        return TrackingPrediction(
+            axes_m=(east, north, up),
+            distance_m=float(self.distance_m.max()),
+            deviation_m=float(self.deviation_m.max()),
+            mean_deviation_m=float(self.weight @ self.mean_deviation_m),
+            yaw_rad=float(self.yaw_rad.max()),
+            thrust_n=(float(self.thrust_n[:, 0].min()), float(self.thrust_n[:, 1].max())),
+            saturated_share=float(self.weight @ self.saturated_share),
+        )
 
 
 def usual_quadrotor(mass_kg: float) -> QuadrotorParameters:
@@ -76,6 +120,19 @@ def predict_tracking(
     gusts: WindGusts | None = None,
     seed: int = 0,
 ) -> TrackingPrediction:
+    """Fly a curve from its start to its end: the figures of `track_curve`, which says what the arguments are."""
+    return track_curve(trajectory, yaw, parameters=parameters, gains=gains, gusts=gusts, seed=seed).figures
+
+
+def track_curve(
+    trajectory: PiecewisePolynomial,
+    yaw: AngleProfile,
+    *,
+    parameters: QuadrotorParameters,
+    gains: ControllerGains | None = None,
+    gusts: WindGusts | None = None,
+    seed: int = 0,
+) -> TrackingHistory:
     """Fly a curve from its start to its end.
 
     Args:
@@ -89,7 +146,7 @@ def predict_tracking(
     rng = np.random.default_rng(seed)
     steps = max(1, math.ceil(trajectory.duration_s / STEP_S))
     wind = np.zeros((steps + 1, 3)) if gusts is None else gusts.sampled(steps + 1, STEP_S, rng)
-    state, parts, times = None, [], []
+    state, parts = None, []
     for first in range(0, steps, _CHUNK):
         # The last sample of a part is the first of the next: its state is where that one begins.
         t = STEP_S * np.arange(first, min(first + _CHUNK, steps) + 1)
@@ -104,38 +161,51 @@ def predict_tracking(
             start=state,
         )
         state = flown[-1]
-        parts.append(_figures(reference, flown, parameters))
-        times.append(len(t))
-    share = np.array(times) / sum(times)
-    east, north, up = (max(p.axes_m[i] for p in parts) for i in range(3))
-    return TrackingPrediction(
-        axes_m=(east, north, up),
-        distance_m=max(p.distance_m for p in parts),
-        deviation_m=max(p.deviation_m for p in parts),
-        mean_deviation_m=float(share @ [p.mean_deviation_m for p in parts]),
-        yaw_rad=max(p.yaw_rad for p in parts),
-        thrust_n=(min(p.thrust_n[0] for p in parts), max(p.thrust_n[1] for p in parts)),
-        saturated_share=float(share @ [p.saturated_share for p in parts]),
+        # The sample that the next part begins with is counted there.
+        last = first + _CHUNK >= steps
+        kept = len(t) if last else len(t) - 1
+        parts.append(_by_seconds(first, reference[:kept], flown[:kept], parameters))
+    columns = np.concatenate(parts)
+    return TrackingHistory(
+        time_s=columns[:, 0],
+        axes_m=columns[:, 1:4],
+        distance_m=columns[:, 4],
+        deviation_m=columns[:, 5],
+        mean_deviation_m=columns[:, 6],
+        yaw_rad=columns[:, 7],
+        thrust_n=columns[:, 8:10],
+        saturated_share=columns[:, 10],
+        weight=columns[:, 11] / columns[:, 11].sum(),
     )
 
 
-def _figures(
-    reference: NDArray[np.float64], flown: NDArray[np.float64], parameters: QuadrotorParameters
-) -> TrackingPrediction:
+def _by_seconds(
+    first: int, reference: NDArray[np.float64], flown: NDArray[np.float64], parameters: QuadrotorParameters
+) -> NDArray[np.float64]:
+    """Rows of a history, with the number of steps as the last column, shape (K, 12)."""
     error = flown[:, :3] - reference[:, :3]
-    east, north, up = (float(number) for number in np.abs(error).max(axis=0))
     tangent = reference[:, 3:6] / np.maximum(np.linalg.norm(reference[:, 3:6], axis=1), 1e-6)[:, None]
     aside = np.linalg.norm(error - np.sum(error * tangent, axis=1)[:, None] * tangent, axis=1)
     rotation = rotation_of(flown)
     # The heading is what the body's y axis is level and across to; the x axis itself leans.
     heading = np.arctan2(-rotation[:, 0, 1], rotation[:, 1, 1]) - reference[:, 12]
     thrust = flown[:, 13:17]
-    return TrackingPrediction(
-        axes_m=(east, north, up),
-        distance_m=float(np.linalg.norm(error, axis=1).max()),
-        deviation_m=float(aside.max()),
-        mean_deviation_m=float(aside.mean()),
-        yaw_rad=float(np.abs((heading + np.pi) % (2 * np.pi) - np.pi).max()),
-        thrust_n=(float(thrust.min()), float(thrust.max())),
-        saturated_share=float(np.mean(np.any(thrust > _SATURATED * parameters.max_motor_thrust_n, axis=1))),
+    starts = np.arange(0, len(flown), _BIN)
+    count = np.diff(np.append(starts, len(flown)))
+    largest = np.column_stack(
+        [np.abs(error), np.linalg.norm(error, axis=1), aside, np.abs((heading + np.pi) % (2 * np.pi) - np.pi)]
+    )
+    largest = np.maximum.reduceat(largest, starts)
+    saturated = np.any(thrust > _SATURATED * parameters.max_motor_thrust_n, axis=1).astype(np.float64)
+    return np.column_stack(
+        [
+            STEP_S * (first + starts + count / 2),
+            largest[:, :5],
+            np.add.reduceat(aside, starts) / count,
+            largest[:, 5],
+            np.minimum.reduceat(thrust.min(axis=1), starts),
+            np.maximum.reduceat(thrust.max(axis=1), starts),
+            np.add.reduceat(saturated, starts) / count,
+            count,
+        ]
     )

@@ -11,11 +11,14 @@ from gcs.core.plan import Sortie
 from gcs.core.trajectory import DEGREE, AngleProfile, PiecewisePolynomial
 from gcs.planning.dynamics.energy import energy_wh, usable_wh
 from gcs.planning.dynamics.rotor_power import RotorPower
+from gcs.planning.flights.flight_base import leg_time_of, tour_from
 from gcs.planning.flights.sorties import BATTERY_SWAP_S, estimated_leg_energy_wh, find_sorties
+from gcs.planning.tours.bound_from_bases import bound_from_bases
 from gcs.planning.tours.leg_table import LegTable
 from gcs.planning.tours.tour import Tour
 from gcs.planning.tours.tour_metric import tour_metric
-from gcs.planning.trajectories.safe_corridor import stop_box
+from gcs.planning.trajectories.box_corridor import stop_box
+from gcs.planning.trajectories.convex_set import box_planes
 from gcs.planning.trajectories.trajectory_builder import BuiltTrajectory
 from gcs.planning.views.viewing_angles import HOLD_S, SETTLE_S
 
@@ -25,116 +28,151 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from gcs.core.progress import Progress
-    from gcs.core.scenario import Scenario
-    from gcs.planning.scene.free_space import FreeSpace
-    from gcs.planning.tours.tour import LegTime
+    from gcs.planning.flights.flight_base import FlightBase
+    from gcs.planning.views.viewpoint_pose import ViewpointPose
 
 
 class Flight(NamedTuple):
-    """From home through some of the stops and back.
+    """From a base through some of the stops and back.
 
     Attributes:
+        base: where it takes off and lands.
         tour: its `order` numbers the stops of the whole plan.
         built: what is flown.
         energy_wh: what that takes.
     """
 
+    base: FlightBase
     tour: Tour
     built: BuiltTrajectory
     energy_wh: float
 
 
+class BatteryFlights(NamedTuple):
+    """The flights of a tour.
+
+    Attributes:
+        flights: in the order in which they are flown, one battery each.
+        lower_bound: of the cost of all tours together.
+    """
+
+    flights: list[Flight]
+    lower_bound: float
+
+
 def flights_by_battery(
-    scenario: Scenario,
-    space: FreeSpace,
+    home: FlightBase,
+    other_bases: Callable[[], Sequence[FlightBase]],
     whole: Tour,
-    stops_m: NDArray[np.float64],
-    names: Sequence[str],
-    leg_time: LegTime,
-    find: Callable[[Sequence[int]], Tour],
-    build: Callable[[Tour], BuiltTrajectory],
+    poses: Sequence[ViewpointPose],
+    build: Callable[[FlightBase, Tour], BuiltTrajectory],
     progress: Progress,
-) -> list[Flight]:
-    """Fly a tour at once if the battery lets it, else in sorties.
+) -> BatteryFlights:
+    """Fly a tour at once if the battery lets it, else in sorties from home and other bases, whatever costs least.
 
     Args:
-        scenario: vehicle, battery, home, metric.
-        space: where the centre may be.
-        whole: the tour through all stops.
-        stops_m: shape (N, 3).
-        names: of the stops.
-        leg_time: time of rest-to-rest legs.
-        find: the tour through some of the stops, its `order` numbering those that were given.
-        build: the trajectory of a tour whose `order` numbers all stops.
+        home: where the tour begins and ends.
+        other_bases: where sorties may take off and land as well; asked for only when there are sorties.
+        whole: the tour through all poses.
+        poses: the stops.
+        build: the trajectory of a tour from a base; the tour's `order` numbers all poses.
         progress: told about the stage `sorties`; may cancel.
 
     Raises:
         InfeasibleError: a flight to one viewpoint alone takes more than the battery may give; it is named.
     """
+    scenario = home.scenario
     vehicle = scenario.vehicle
-    at_once = Flight(whole, built := build(whole), energy_wh(built.trajectory, vehicle))
+    at_once = Flight(home, whole, built := build(home, whole), energy_wh(built.trajectory, vehicle))
     if vehicle.battery is None or at_once.energy_wh <= usable_wh(vehicle.battery):
-        return [at_once]
-    power = RotorPower.of(vehicle)
-    metric = tour_metric(scenario.planner, leg_time)
-    table = LegTable(
-        space,
-        np.asarray(scenario.home_m, dtype=np.float64),
-        stops_m,
-        metric.of_path,
-        lambda path: estimated_leg_energy_wh(path, power, leg_time, SETTLE_S + HOLD_S),
-        progress,
+        return BatteryFlights([at_once], whole.lower_bound)
+    bases = [home, *other_bases()]
+    search = _BatterySearch(bases, poses, progress)
+    order, given = [int(k) for k in whole.order], scenario.planner.tour == "given"
+    search.tables[0].know(order, whole.legs_m)
+    others = () if given else (search.shortest(base, order).order.tolist() for base in range(1, len(bases)))
+
+    def flight(base: int, run: Sequence[int]) -> Flight:
+        tour = search.in_order(base, run)
+        built = build(bases[base], tour)
+        return Flight(bases[base], tour, built, energy_wh(built.trajectory, vehicle))
+
+    runs = find_sorties(
+        search.tables,
+        [order, *others],
+        usable_wh(vehicle.battery),
+        flight,
+        lambda flown: flown.energy_wh,
+        [pose.name for pose in poses],
+        raised=at_once.energy_wh / search.tables[0].energy_wh(order),
+        sortie_cost=BATTERY_SWAP_S if search.metric.name == "time" else 0.0,
+        resequence=None if given else lambda base, run: search.shortest(base, run).order.tolist(),
     )
-    order = [int(k) for k in whole.order]
-    table.know(order, whole.legs_m)
+    bound = whole.lower_bound
+    if any(run.base for run in runs):
+        least = [table.least_costs(search.metric.of_steps) for table in search.tables]
+        bound = bound_from_bases(least, order, search.tables[0].poll)
+    total = sum(run.built.tour.cost for run in runs)
+    return BatteryFlights([run.built for run in runs], min(bound, total))
 
-    def found(run: Sequence[int]) -> Tour:
-        tour = find(run)
-        renamed = [run[int(k)] for k in tour.order]
-        table.know(renamed, tour.legs_m)
-        return replace(tour, order=np.array(renamed, dtype=np.int64))
 
-    def as_tour(run: Sequence[int]) -> Tour:
+class _BatterySearch:
+    """Legs and tours from each of several bases."""
+
+    def __init__(self, bases: Sequence[FlightBase], poses: Sequence[ViewpointPose], progress: Progress) -> None:
+        scenario = bases[0].scenario
+        power, leg_time = RotorPower.of(scenario.vehicle), leg_time_of(scenario.vehicle)
+        self.metric = tour_metric(scenario.planner, leg_time)
+        self._bases = bases
+        self._poses = poses
+        self._progress = progress
+        self._tours: dict[tuple[int, tuple[int, ...]], Tour] = {}
+        self.tables = [
+            LegTable(
+                base.scene.space,
+                np.asarray(base.scenario.home_m, dtype=np.float64),
+                np.array([pose.position_m for pose in poses]),
+                self.metric.of_path,
+                lambda path: estimated_leg_energy_wh(path, power, leg_time, SETTLE_S + HOLD_S),
+                progress,
+            )
+            for base in bases
+        ]
+
+    def shortest(self, base: int, run: Sequence[int]) -> Tour:
+        """The tour from a base through some of the stops, in whatever order they are given."""
+        key = base, tuple(sorted(run))
+        if key not in self._tours:
+            self._tours[key] = tour = tour_from(self._bases[base], key[1], self._poses, self._progress)
+            self.tables[base].know(tour.order.tolist(), tour.legs_m)
+        return self._tours[key]
+
+    def in_order(self, base: int, run: Sequence[int]) -> Tour:
         """The tour in this very order; its lower bound is that of any order of the same stops."""
-        best = found(sorted(run))
+        best, table = self.shortest(base, run), self.tables[base]
         legs = [leg.path_m for leg in table.legs(run)]
         total = table.cost(run)
         return replace(
             best, order=np.array(run, dtype=np.int64), legs_m=legs, cost=total, lower_bound=min(best.lower_bound, total)
         )
 
-    given = scenario.planner.tour == "given"
-    runs = find_sorties(
-        table,
-        order,
-        usable_wh(vehicle.battery),
-        lambda run: (tour := as_tour(run), build(tour)),
-        lambda pair: energy_wh(pair[1].trajectory, vehicle),
-        names,
-        raised=at_once.energy_wh / table.energy_wh(order),
-        sortie_cost=BATTERY_SWAP_S if metric.name == "time" else 0.0,
-        resequence=None if given else lambda run: found(run).order.tolist(),
-    )
-    return [Flight(*run.built, run.energy_wh) for run in runs]
 
-
-def join_flights(
-    flights: Sequence[Flight], lower_bound: float, half_width_m: float, space: FreeSpace
-) -> tuple[Flight, tuple[Sortie, ...]]:
+def join_flights(flights: Sequence[Flight], lower_bound: float) -> tuple[Flight, tuple[Sortie, ...]]:
     """Flights one after the other as one, at rest at home between them.
 
     Args:
-        flights: two or more.
+        flights: two or more from one base.
         lower_bound: of a tour through all stops; coming home between does not make it cheaper.
-        half_width_m: of the corridor.
-        space: for the box about home.
     """
+    base = flights[0].base
+    half_width_m, space = base.scenario.safety.corridor_half_width_m, base.scene.space
     home = flights[0].tour.legs_m[0][0]
     rest = np.zeros((1, DEGREE + 1, 3))
     rest[0, 0] = home
     box = stop_box(home, half_width_m, space)[None]
     legs: list[NDArray[np.float64]] = []
     coefficients, durations, boxes, exposures = [], [], [], []
+    planes: list[NDArray[np.float64]] = []
     knots: dict[str, list[NDArray[np.float64]]] = {"times": [], "yaw": [], "pitch": []}
     first_pieces: list[int] = []
     start = 0.0
@@ -144,6 +182,7 @@ def join_flights(
             coefficients.append(rest)
             durations.append(np.array([BATTERY_SWAP_S]))
             boxes.append(box)
+            planes.append(box_planes(box[0]))
             start += BATTERY_SWAP_S
             legs[-1] = np.concatenate([legs[-1], tour.legs_m[0][1:]])
             legs.extend(tour.legs_m[1:])
@@ -152,6 +191,7 @@ def join_flights(
         coefficients.append(built.trajectory.coefficients)
         durations.append(built.trajectory.durations_s)
         boxes.append(built.corridor_m)
+        planes += built.corridor_planes
         exposures.append(built.exposures_s + start)
         knots["times"].append(built.yaw.times_s + start)
         knots["yaw"].append(built.yaw.angles_rad)
@@ -161,6 +201,7 @@ def join_flights(
     times = np.concatenate(knots["times"])
     total = sum(flight.tour.cost for flight in flights)
     joined = Flight(
+        base,
         Tour(
             order=np.concatenate([flight.tour.order for flight in flights]),
             legs_m=legs,
@@ -175,6 +216,8 @@ def join_flights(
             yaw=AngleProfile(times, _unwrapped(knots["yaw"])),
             gimbal_pitch=AngleProfile(times, np.concatenate(knots["pitch"])),
             exposures_s=np.concatenate(exposures),
+            stops=np.concatenate([flight.built.stops for flight in flights]),
+            corridor_planes=tuple(planes) if flights[0].built.corridor_planes else (),
         ),
         sum(flight.energy_wh for flight in flights),
     )

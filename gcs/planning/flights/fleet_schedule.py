@@ -1,4 +1,4 @@
-"""When the vehicles of a fleet fly their legs, so that they stay apart: later starts and waits at viewpoints.
+"""When the vehicles of a fleet fly their legs, so that they stay apart: later starts and waits where they stop.
 
 Vehicles are scheduled one after the other, those with the longest flights first; each keeps clear of all before it
 ("prioritised planning", M. Erdmann and T. Lozano-Perez, Algorithmica 2, 1987). One vehicle's schedule is the earliest
@@ -44,7 +44,7 @@ class ScheduledFlight:
     """A flight on the fleet's clock.
 
     Attributes:
-        built: what is flown, waits at viewpoints included, on its own time from take-off.
+        built: what is flown, waits where it stops included, on its own time from take-off.
         start_s: take-off on the fleet's clock.
     """
 
@@ -58,11 +58,11 @@ class ScheduledFlight:
 
 
 def with_waits(built: BuiltTrajectory, waits_s: NDArray[np.float64]) -> BuiltTrajectory:
-    """A trajectory that rests longer at its viewpoints, after the pictures.
+    """A trajectory that rests longer at the viewpoints it stops at, after the pictures.
 
     Args:
-        built: at rest in one piece at each viewpoint.
-        waits_s: for each viewpoint, not negative, shape (V,).
+        built: at rest in one piece at each of these R viewpoints.
+        waits_s: for each of them, not negative, shape (R,).
     """
     rests = rest_pieces(built)
     durations = built.trajectory.durations_s.copy()
@@ -75,13 +75,13 @@ def with_waits(built: BuiltTrajectory, waits_s: NDArray[np.float64]) -> BuiltTra
         trajectory=PiecewisePolynomial(built.trajectory.coefficients, durations),
         yaw=AngleProfile(knots, built.yaw.angles_rad),
         gimbal_pitch=AngleProfile(knots, built.gimbal_pitch.angles_rad),
-        exposures_s=built.exposures_s + waited[:-1],
+        exposures_s=built.exposures_s + waited[np.searchsorted(leaves, built.exposures_s)],
     )
 
 
 def rest_pieces(built: BuiltTrajectory) -> NDArray[np.int64]:
-    """Which pieces of a trajectory are the rests at its viewpoints, shape (V,)."""
-    return np.searchsorted(built.trajectory.starts_s, built.exposures_s, side="right") - 1
+    """Which pieces of a trajectory are the rests at viewpoints, shape (R,)."""
+    return np.searchsorted(built.trajectory.starts_s, built.exposures_s[built.stops], side="right") - 1
 
 
 def schedule_fleet(

@@ -10,16 +10,20 @@ step says how much of the barrier the corrector drops.
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING, NamedTuple
+
 import numpy as np
 
 from gcs.planning.numerics.compiled import compiled_ieee
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
 
 Floats = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 Ints = np.ndarray[tuple[int, ...], np.dtype[np.int64]]
 Four = tuple[float, float, float, float]
 Ten = tuple[float, float, float, float, float, float, float, float, float, float]
 
-DEBUG = False
 TO_THE_BORDER = 0.99
 """Share of the way to the nearest bound that a step goes."""
 
@@ -34,6 +38,69 @@ OTHER_AXES = 0.01
 
 SETTLED = 1e-4
 """A gap this small a share of what is asked for is not made smaller: what is left of the residual is rounding."""
+
+
+class ChainQp(NamedTuple):
+    """Chains side by side; J joints with four unknowns and seven rows each, A axes (a named tuple for the kernels).
+
+    Attributes:
+        first: chain i has the joints `first[i]` to `first[i + 1] - 1`, shape (C + 1,).
+        diagonal: blocks of H, shape (J, 4, 4).
+        link: block of H between joint j (rows) and j + 1 (columns), shape (J, 4, 4); not read across chains.
+        rows: shape (J, 7, 4).
+        gradient: c, shape (A, J, 4).
+        low: shape (A, J, 7).
+        high: shape (A, J, 7).
+        spread: no two feasible points differ by more, shape (A, J, 4).
+        outset: cost at x = 0 of each chain, shape (A, C).
+        floor: cost below which differences do not count, positive, shape (C,).
+        start: strictly inside the rows, shape (A, J, 4).
+    """
+
+    first: NDArray[np.int64]
+    diagonal: NDArray[np.float64]
+    link: NDArray[np.float64]
+    rows: NDArray[np.float64]
+    gradient: NDArray[np.float64]
+    low: NDArray[np.float64]
+    high: NDArray[np.float64]
+    spread: NDArray[np.float64]
+    outset: NDArray[np.float64]
+    floor: NDArray[np.float64]
+    start: NDArray[np.float64]
+
+
+class Blocks(NamedTuple):
+    """What the axes of one chain share: `diagonal`, `link` and `rows` of its joints, see `ChainQp`."""
+
+    diagonal: NDArray[np.float64]
+    link: NDArray[np.float64]
+    rows: NDArray[np.float64]
+
+
+class _Axis(NamedTuple):
+    """What one axis of one chain has of its own: `gradient`, `low`, `high` and `spread`, see `ChainQp`."""
+
+    gradient: NDArray[np.float64]
+    low: NDArray[np.float64]
+    high: NDArray[np.float64]
+    spread: NDArray[np.float64]
+
+
+class _Barrier(NamedTuple):
+    """Multipliers of the rows' two bounds and the inverse distances to them, shape (J, 7) each."""
+
+    push_low: NDArray[np.float64]
+    push_high: NDArray[np.float64]
+    near_low: NDArray[np.float64]
+    near_high: NDArray[np.float64]
+
+
+class _Factors(NamedTuple):
+    """What an elimination gives: factors of the diagonal blocks, (J, 10), and gains to the next joint, (J, 4, 4)."""
+
+    own: NDArray[np.float64]
+    gains: NDArray[np.float64]
 
 
 @compiled_ieee
@@ -88,8 +155,9 @@ def _transposed_times(matrix: Floats, x: Floats, c: int) -> float:
 
 
 @compiled_ieee
-def _cost_slope(diagonal: Floats, link: Floats, gradient: Floats, x: Floats, slope: Floats) -> float:
+def _cost_slope(blocks: Blocks, gradient: Floats, x: Floats, slope: Floats) -> float:
     """Write `H x + c` into `slope`; the cost above that of x = 0 is returned."""
+    diagonal, link = blocks.diagonal, blocks.link
     joints = len(x)
     cost = 0.0
     for j in range(joints):
@@ -105,18 +173,11 @@ def _cost_slope(diagonal: Floats, link: Floats, gradient: Floats, x: Floats, slo
 
 
 @compiled_ieee
-def _eliminate(
-    diagonal: Floats,
-    link: Floats,
-    rows: Floats,
-    push_low: Floats,
-    push_high: Floats,
-    near_low: Floats,
-    near_high: Floats,
-    factors: Floats,
-    gains: Floats,
-) -> bool:
+def _eliminate(blocks: Blocks, barrier: _Barrier, result: _Factors) -> bool:
     """Factorise `H + rows' D rows`; False where it is not positive definite in this precision."""
+    diagonal, link, rows = blocks
+    push_low, push_high, near_low, near_high = barrier
+    factors, gains = result
     joints = len(diagonal)
     k00 = k10 = k11 = k20 = k21 = k22 = k30 = k31 = k32 = k33 = 0.0
     for j in range(joints):
@@ -167,8 +228,9 @@ def _carried(across: Floats, gain: Floats, c: int, d: int) -> float:
 
 
 @compiled_ieee
-def _substitute(link: Floats, factors: Floats, gains: Floats, step: Floats) -> None:
+def _substitute(link: Floats, result: _Factors, step: Floats) -> None:
     """Solve with what `_eliminate` gave, in place."""
+    factors, gains = result
     joints = len(step)
     for j in range(joints):
         b0, b1, b2, b3 = step[j, 0], step[j, 1], step[j, 2], step[j, 3]
@@ -185,34 +247,22 @@ def _substitute(link: Floats, factors: Floats, gains: Floats, step: Floats) -> N
 
 
 @compiled_ieee
-def inverse_energy(diagonal: Floats, link: Floats, rows: Floats, residual: Floats) -> float:
-    """`r' H^-1 r` of one chain, infinite where H is not positive definite in this precision.
-
-    Args:
-        diagonal: blocks of H, shape (J, 4, 4).
-        link: shape (J, 4, 4), see `solve_chains`.
-        rows: shape (J, 7, 4).
-        residual: r, shape (J, 4).
-    """
+def inverse_energy(blocks: Blocks, residual: Floats) -> float:
+    """`r' H^-1 r` of one chain for a residual r (J, 4), infinite where H is not positive definite in this precision."""
     joints = len(residual)
     none = np.zeros((joints, 7))
-    factors, gains = np.empty((joints, 10)), np.empty((joints, 4, 4))
-    if not _eliminate(diagonal, link, rows, none, none, none, none, factors, gains):
+    factors = _Factors(np.empty((joints, 10)), np.empty((joints, 4, 4)))
+    if not _eliminate(blocks, _Barrier(none, none, none, none), factors):
         return np.inf
     step = residual.copy()
-    _substitute(link, factors, gains, step)
+    _substitute(blocks.link, factors, step)
     return float(abs((step * residual).sum()))
 
 
 @compiled_ieee
 def _solve_chain(
-    diagonal: Floats,
-    link: Floats,
-    rows: Floats,
-    gradient: Floats,
-    low: Floats,
-    high: Floats,
-    spread: Floats,
+    blocks: Blocks,
+    axis: _Axis,
     outset: float,
     floor: float,
     tolerance: float,
@@ -223,11 +273,14 @@ def _solve_chain(
     work: Floats,
 ) -> tuple[int, float]:
     """One axis of one chain: iterations taken or what went wrong, and the cost; see `solve_chains`."""
+    rows = blocks.rows
+    gradient, low, high, spread = axis
     joints = len(x)
-    slope, step, factors = work[:joints, :4], work[:joints, 4:8], work[:joints, 8:18]
+    slope, step = work[:joints, :4], work[:joints, 4:8]
     near_low, near_high, moved = work[:joints, 18:25], work[:joints, 25:32], work[:joints, 32:39]
     turn_low, turn_high = work[:joints, 39:46], work[:joints, 46:53]
-    gains = np.empty((joints, 4, 4))
+    barrier_terms = _Barrier(push_low, push_high, near_low, near_high)
+    factors = _Factors(work[:joints, 8:18], np.empty((joints, 4, 4)))
     count = 14.0 * joints
     for j in range(joints):
         for k in range(7):
@@ -235,7 +288,7 @@ def _solve_chain(
             if not (low[j, k] < value < high[j, k]):
                 return -2, outset
             near_low[j, k], near_high[j, k] = 1.0 / (value - low[j, k]), 1.0 / (high[j, k] - value)
-    _cost_slope(diagonal, link, gradient, x, slope)
+    _cost_slope(blocks, gradient, x, slope)
     fall = 0.0
     for j in range(joints):
         for c in range(4):
@@ -247,7 +300,7 @@ def _solve_chain(
 
     cost = outset
     for turn in range(most):
-        cost = outset + _cost_slope(diagonal, link, gradient, x, slope)
+        cost = outset + _cost_slope(blocks, gradient, x, slope)
         gap = residual = 0.0
         for j in range(joints):
             for c in range(4):
@@ -258,15 +311,13 @@ def _solve_chain(
                 step[j, c] = -slope[j, c]
             for k in range(7):
                 gap += push_low[j, k] / near_low[j, k] + push_high[j, k] / near_high[j, k]
-        if DEBUG:
-            print(turn, cost, gap, residual)
         allowed = tolerance * (max(cost, 0.0) + floor)
         if gap <= allowed and (residual <= RESIDUAL_SHARE * allowed or gap <= SETTLED * allowed):
             return turn, cost
-        if not _eliminate(diagonal, link, rows, push_low, push_high, near_low, near_high, factors, gains):
+        if not _eliminate(blocks, barrier_terms, factors):
             return -3 if turn == 0 else -1, cost
 
-        _substitute(link, factors, gains, step)
+        _substitute(blocks.link, factors, step)
         worst = 1.0
         for j in range(joints):
             for k in range(7):
@@ -294,7 +345,7 @@ def _solve_chain(
                 push = turn_low[j, k] - turn_high[j, k]
                 for c in range(4):
                     step[j, c] += rows[j, k, c] * push
-        _substitute(link, factors, gains, step)
+        _substitute(blocks.link, factors, step)
         worst = TO_THE_BORDER
         for j in range(joints):
             for k in range(7):
@@ -321,35 +372,11 @@ def _solve_chain(
 
 
 @compiled_ieee
-def solve_chains(
-    first: Ints,
-    diagonal: Floats,
-    link: Floats,
-    rows: Floats,
-    gradient: Floats,
-    low: Floats,
-    high: Floats,
-    spread: Floats,
-    outset: Floats,
-    floor: Floats,
-    start: Floats,
-    tolerance: float,
-    most: int,
-) -> tuple[Floats, Floats, Ints]:
+def solve_chains(problem: ChainQp, tolerance: float, most: int) -> tuple[Floats, Floats, Ints]:
     """Solve chains one after the other, and their axes, which share H and the rows, from the costliest outset on.
 
     Args:
-        first: chain i has the joints `first[i]` to `first[i + 1] - 1`, shape (C + 1,).
-        diagonal: blocks of H, shape (J, 4, 4).
-        link: block of H between joint j (rows) and j + 1 (columns), shape (J, 4, 4); not read across chains.
-        rows: shape (J, 7, 4).
-        gradient: c, shape (A, J, 4).
-        low: shape (A, J, 7).
-        high: shape (A, J, 7).
-        spread: no two feasible points differ by more, shape (A, J, 4).
-        outset: cost at x = 0, shape (A, C).
-        floor: cost below which differences do not count, positive, shape (C,).
-        start: strictly inside the rows, shape (A, J, 4).
+        problem: the chains.
         tolerance: of an axis' cost, relative to that cost plus the floor plus a share of the other axes' costs.
         most: iterations an axis.
 
@@ -358,8 +385,9 @@ def solve_chains(
         that were taken (A, C), -1 where it did not settle, -2 where the start is not inside, -3 where H is not positive
         definite.
     """
-    axes, joints = gradient.shape[0], gradient.shape[1]
-    x = start.copy()
+    axes, joints = problem.gradient.shape[0], problem.gradient.shape[1]
+    first, floor = problem.first, problem.floor
+    x = problem.start.copy()
     push_low, push_high = np.zeros((axes, joints, 7)), np.zeros((axes, joints, 7))
     turns = np.zeros((axes, len(floor)), dtype=np.int64)
     longest = 0
@@ -370,17 +398,14 @@ def solve_chains(
         a, b = first[i], first[i + 1]
         if a == b:
             continue
+        blocks = Blocks(problem.diagonal[a:b], problem.link[a:b], problem.rows[a:b])
         nothing = floor[i]
-        for k in np.argsort(-outset[:, i]):
+        for k in np.argsort(-problem.outset[:, i]):
+            axis = _Axis(problem.gradient[k, a:b], problem.low[k, a:b], problem.high[k, a:b], problem.spread[k, a:b])
             turns[k, i], cost = _solve_chain(
-                diagonal[a:b],
-                link[a:b],
-                rows[a:b],
-                gradient[k, a:b],
-                low[k, a:b],
-                high[k, a:b],
-                spread[k, a:b],
-                outset[k, i],
+                blocks,
+                axis,
+                problem.outset[k, i],
                 nothing,
                 tolerance,
                 most,

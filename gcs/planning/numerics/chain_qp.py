@@ -13,11 +13,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from gcs.planning.numerics.chain_interior_point import Floats, Ints, inverse_energy, solve_chains
+from gcs.planning.numerics.chain_interior_point import Blocks, ChainQp, Floats, inverse_energy, solve_chains
 from gcs.planning.numerics.compiled import compiled_ieee
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
+
+__all__ = ["ChainQp", "ChainSolution", "ChainSolver", "evidence"]
 
 TOLERANCE = 1e-6
 """Of the cost, that the interior point stops at."""
@@ -28,38 +30,8 @@ VIOLATION = 1e-7
 GAP = 1e-3
 """Largest gap in an accepted answer, relative to the cost."""
 
-_MOST_ITERATIONS = 100
-
-
-@dataclass(frozen=True, eq=False)
-class ChainQp:
-    """Chains side by side; J joints with four unknowns and seven rows each, A axes.
-
-    Attributes:
-        first: chain i has the joints `first[i]` to `first[i + 1] - 1`, shape (C + 1,).
-        diagonal: blocks of H, shape (J, 4, 4).
-        link: block of H between joint j and j + 1, shape (J, 4, 4); zero across chains and for the last joint.
-        rows: shape (J, 7, 4).
-        gradient: c, shape (A, J, 4).
-        low: shape (A, J, 7).
-        high: shape (A, J, 7).
-        spread: no two feasible points differ by more, shape (A, J, 4).
-        outset: cost at x = 0 of each chain, shape (A, C).
-        floor: cost below which differences do not count, positive, shape (C,).
-        start: strictly inside the rows, shape (A, J, 4).
-    """
-
-    first: NDArray[np.int64]
-    diagonal: NDArray[np.float64]
-    link: NDArray[np.float64]
-    rows: NDArray[np.float64]
-    gradient: NDArray[np.float64]
-    low: NDArray[np.float64]
-    high: NDArray[np.float64]
-    spread: NDArray[np.float64]
-    outset: NDArray[np.float64]
-    floor: NDArray[np.float64]
-    start: NDArray[np.float64]
+MOST_ITERATIONS = 100
+"""Of an axis of a chain."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,36 +70,15 @@ def evidence(
     Returns:
         Shape (C,) each; infinity where the answer is not finite.
     """
-    violation, above, change = _judged(
-        problem.first,
-        problem.diagonal,
-        problem.link,
-        problem.rows,
-        problem.gradient,
-        problem.low,
-        problem.high,
-        problem.spread,
-        x,
-        y,
-    )
+    violation, above, change = _judged(problem, x, y)
     gap = above / (np.maximum(problem.outset.sum(axis=0) + change, 0.0) + problem.floor)
     return violation, np.where(np.isnan(gap), np.inf, gap)
 
 
 @compiled_ieee
-def _judged(
-    first: Ints,
-    diagonal: Floats,
-    link: Floats,
-    rows: Floats,
-    gradient: Floats,
-    low: Floats,
-    high: Floats,
-    spread: Floats,
-    x: Floats,
-    y: Floats,
-) -> tuple[Floats, Floats, Floats]:
+def _judged(problem: ChainQp, x: Floats, y: Floats) -> tuple[Floats, Floats, Floats]:
     """Largest violation, bound on what is above the optimum, and cost less that at x = 0, of each chain."""
+    first, diagonal, link, rows, gradient, low, high, spread = problem[:8]
     chains = len(first) - 1
     violation, above, change = np.zeros(chains), np.zeros(chains), np.zeros(chains)
     residual = np.empty((x.shape[1], 4))
@@ -158,40 +109,31 @@ def _judged(
                         residual[j, c] += rows[j, k, c] * y[a, j, k]
                     spare += abs(residual[j, c]) * spread[a, j, c]
                     change[i] += x[a, j, c] * (product / 2 + gradient[a, j, c])
-            above[i] += min(spare, inverse_energy(diagonal[here], link[here], rows[here], residual[here]) / 2)
+            blocks = Blocks(diagonal[here], link[here], rows[here])
+            above[i] += min(spare, inverse_energy(blocks, residual[here]) / 2)
     return violation, above, change
 
 
 class ChainSolver:
-    """The interior-point method of `chain_interior_point`: linear in the joints, all chains in one call."""
+    """The interior-point method of `chain_interior_point`: linear in the joints, all chains in one call.
+
+    Attributes:
+        tolerance: of the cost.
+    """
 
     name = "chain interior point"
 
     def __init__(self, tolerance: float = TOLERANCE) -> None:
         """Set the tolerance of the cost."""
-        self._tolerance = tolerance
+        self.tolerance = tolerance
 
     def coarser(self, tolerance: float) -> ChainSolver:
         """The same with a larger tolerance of the cost."""
-        return ChainSolver(max(tolerance, self._tolerance))
+        return ChainSolver(max(tolerance, self.tolerance))
 
     def solve(self, problem: ChainQp) -> ChainSolution:
         """Solve all chains; the answer says for itself which are good."""
-        x, y, turns = solve_chains(
-            problem.first,
-            problem.diagonal,
-            problem.link,
-            problem.rows,
-            problem.gradient,
-            problem.low,
-            problem.high,
-            problem.spread,
-            problem.outset,
-            problem.floor,
-            problem.start,
-            self._tolerance,
-            _MOST_ITERATIONS,
-        )
+        x, y, turns = solve_chains(problem, self.tolerance, MOST_ITERATIONS)
         violation, gap = evidence(problem, x, y)
         # An answer that stopped short of the tolerance is as good as its evidence.
         good = (turns >= -1).all(axis=0) & (violation <= VIOLATION) & (gap <= GAP)

@@ -9,7 +9,7 @@ to the next solver when either is not good, and raises when none is.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
@@ -40,8 +40,8 @@ class QpProblem:
         hessian: P, symmetric positive semidefinite, both triangles stored, shape (n, n).
         gradient: c, shape (n,).
         constraints: G, shape (m, n).
-        low: l, shape (m,).
-        high: u, shape (m,).
+        low: l, shape (m,); -inf where a row has none.
+        high: u, shape (m,); inf where a row has none.
         spread: no two feasible points differ by more than this, shape (n,).
     """
 
@@ -51,6 +51,20 @@ class QpProblem:
     low: NDArray[np.float64]
     high: NDArray[np.float64]
     spread: NDArray[np.float64]
+
+
+def unit_diagonal(problem: QpProblem) -> tuple[QpProblem, NDArray[np.float64]]:
+    """The same problem with unknowns scaled so that the Hessian's diagonal is 1, and those scales: x = scales * x'."""
+    unit = 1 / np.sqrt(problem.hessian.diagonal())
+    scaling = sparse.diags(unit, format="csc")
+    scaled = replace(
+        problem,
+        hessian=(scaling @ problem.hessian @ scaling).tocsc(),
+        gradient=unit * problem.gradient,
+        constraints=(problem.constraints @ scaling).tocsc(),
+        spread=problem.spread / unit,
+    )
+    return scaled, unit
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,11 +115,13 @@ def evidence(problem: QpProblem, x: NDArray[np.float64], y: NDArray[np.float64])
     """
     if not (np.isfinite(x).all() and np.isfinite(y).all()):
         return float("inf"), float("inf")
+    # A bound that there is not cannot push.
+    y = np.clip(y, np.where(np.isfinite(problem.low), -np.inf, 0.0), np.where(np.isfinite(problem.high), np.inf, 0.0))
     value = problem.constraints @ x
     violation = float(np.maximum(problem.low - value, value - problem.high).max(initial=0.0))
     residual = problem.hessian @ x + problem.gradient + problem.constraints.T @ y
     slack = np.where(y > 0, problem.high - value, value - problem.low)
-    complementarity = float(np.abs(y * slack).sum())
+    complementarity = float(np.abs(y[y != 0] * slack[y != 0]).sum())
     unbounded = abs(float(residual @ splu(problem.hessian).solve(residual))) / 2
     return violation, complementarity + min(unbounded, float(np.abs(residual) @ problem.spread))
 
@@ -143,16 +159,17 @@ class ClarabelSolver:
 
         settings = clarabel.DefaultSettings()
         settings.verbose = False
-        sides = sparse.vstack([problem.constraints, -problem.constraints], format="csc")
-        bounds = np.concatenate([problem.high, -problem.low])
+        above, below = np.isfinite(problem.high), np.isfinite(problem.low)
+        sides = sparse.vstack([problem.constraints[above], -problem.constraints[below]], format="csc")
+        bounds = np.concatenate([problem.high[above], -problem.low[below]])
         upper = sparse.triu(problem.hessian, format="csc")
         cones = [clarabel.NonnegativeConeT(len(bounds))]
         result = clarabel.DefaultSolver(upper, problem.gradient, sides, bounds, cones, settings).solve()
         x, z = np.array(result.x), np.array(result.z)
-        m = len(problem.high)
-        return _answer(
-            self.name, problem, x, z[:m] - z[m:], result.status == clarabel.SolverStatus.Solved, str(result.status)
-        )
+        y = np.zeros(len(problem.high))
+        y[above] = z[: above.sum()]
+        y[below] -= z[above.sum() :]
+        return _answer(self.name, problem, x, y, result.status == clarabel.SolverStatus.Solved, str(result.status))
 
 
 class OsqpSolver:

@@ -13,7 +13,8 @@ import numpy as np
 
 from gcs.planning.numerics.compiled import compiled
 from gcs.planning.scene.bounding_volumes import STACK_SIZE
-from gcs.planning.scene.fence import FenceVolume, fence_room
+from gcs.planning.scene.fence import FenceVolume, fence_room, holds
+from gcs.planning.scene.nearest_points import nearest_of_segment, nearest_of_triangle
 from gcs.planning.scene.room import RoomModel
 
 PROJECTIONS = 24
@@ -125,9 +126,9 @@ def _apart(low: Floats, high: Floats, corners: Floats, distance: float) -> bool:
     q = np.empty(3)
     for _ in range(PROJECTIONS):
         if corners.shape[0] == 3:
-            _nearest_of_triangle(p, corners[0], corners[1], corners[2], q)
+            nearest_of_triangle(p, corners[0], corners[1], corners[2], q)
         else:
-            _nearest_of_segment(p, corners[0], corners[1], q)
+            nearest_of_segment(p, corners[0], corners[1], q)
         square = 0.0
         for k in range(3):
             p[k] = min(max(q[k], low[k]), high[k])
@@ -149,50 +150,6 @@ def _apart(low: Floats, high: Floats, corners: Floats, distance: float) -> bool:
 
 
 @compiled
-def _nearest_of_segment(p: Floats, a: Floats, b: Floats, q: Floats) -> None:
-    """The point `q` of a segment that is nearest to a point."""
-    along = 0.0
-    square = 0.0
-    for k in range(3):
-        along += (p[k] - a[k]) * (b[k] - a[k])
-        square += (b[k] - a[k]) ** 2
-    share = min(max(along / square, 0.0), 1.0) if square > 0.0 else 0.0
-    for k in range(3):
-        q[k] = a[k] + share * (b[k] - a[k])
-
-
-@compiled
-def _nearest_of_triangle(p: Floats, a: Floats, b: Floats, c: Floats, q: Floats) -> None:
-    """The point `q` of a triangle that is nearest to a point: its foot where that lies inside, else on an edge."""
-    ux, uy, uz = b[0] - a[0], b[1] - a[1], b[2] - a[2]
-    vx, vy, vz = c[0] - a[0], c[1] - a[1], c[2] - a[2]
-    wx, wy, wz = p[0] - a[0], p[1] - a[1], p[2] - a[2]
-    nx, ny, nz = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
-    nn = nx * nx + ny * ny + nz * nz
-    if nn > 0.0:
-        beta = ((wy * vz - wz * vy) * nx + (wz * vx - wx * vz) * ny + (wx * vy - wy * vx) * nz) / nn
-        gamma = ((uy * wz - uz * wy) * nx + (uz * wx - ux * wz) * ny + (ux * wy - uy * wx) * nz) / nn
-        if beta >= 0.0 and gamma >= 0.0 and beta + gamma <= 1.0:
-            q[0] = a[0] + beta * ux + gamma * vx
-            q[1] = a[1] + beta * uy + gamma * vy
-            q[2] = a[2] + beta * uz + gamma * vz
-            return
-    best = math.inf
-    tried = np.empty(3)
-    for edge in range(3):
-        if edge == 0:
-            _nearest_of_segment(p, a, b, tried)
-        elif edge == 1:
-            _nearest_of_segment(p, b, c, tried)
-        else:
-            _nearest_of_segment(p, c, a, tried)
-        square = (tried[0] - p[0]) ** 2 + (tried[1] - p[1]) ** 2 + (tried[2] - p[2]) ** 2
-        if square < best:
-            best = square
-            q[:] = tried
-
-
-@compiled
 def _in_fence(low: Floats, high: Floats, fence: FenceVolume) -> bool:
     """Whether a box keeps the fence's margin: some included polygon holds it, and every excluded one is clear of it."""
     if fence.max_height_m - high[2] < fence.margin_m:
@@ -207,21 +164,8 @@ def _in_fence(low: Floats, high: Floats, fence: FenceVolume) -> bool:
             if _edges_near(corners, low, high, fence.margin_m):
                 return False
         elif not held:
-            held = _holds(corners, x, y) and not _edges_near(corners, low, high, fence.margin_m)
+            held = holds(corners, x, y) and not _edges_near(corners, low, high, fence.margin_m)
     return held
-
-
-@compiled
-def _holds(corners: Floats, x: float, y: float) -> bool:
-    """Whether a polygon (K, 2) holds a place (even-odd rule)."""
-    inside = False
-    n = corners.shape[0]
-    for i in range(n):
-        ax, ay = corners[i, 0], corners[i, 1]
-        bx, by = corners[(i + 1) % n, 0], corners[(i + 1) % n, 1]
-        if (ay > y) != (by > y) and (x - ax) < (bx - ax) * (y - ay) / (by - ay):
-            inside = not inside
-    return inside
 
 
 @compiled

@@ -105,3 +105,16 @@ def _signed_depth(x: float, y: float, corners: Floats) -> float:
             inside = not inside
     depth: float = math.sqrt(nearest)
     return depth if inside else -depth
+
+
+@compiled
+def holds(corners: Floats, x: float, y: float) -> bool:
+    """Whether a polygon (K, 2) holds a place (even-odd rule)."""
+    inside = False
+    n = corners.shape[0]
+    for i in range(n):
+        ax, ay = corners[i, 0], corners[i, 1]
+        bx, by = corners[(i + 1) % n, 0], corners[(i + 1) % n, 1]
+        if (ay > y) != (by > y) and (x - ax) < (bx - ax) * (y - ay) / (by - ay):
+            inside = not inside
+    return inside

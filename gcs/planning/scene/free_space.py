@@ -27,12 +27,14 @@ from gcs.planning.scene.room import (
     HOME_COLUMN_RADIUS_M,
     RoomModel,
     exact_distance,
+    least_room,
     nearest_linked_cell,
     points_free,
     points_linked,
     refine_shell,
     segments_free,
 )
+from gcs.planning.scene.separating_planes import separating_planes
 from gcs.planning.scene.widest_way import largest_clearance_m
 
 if TYPE_CHECKING:
@@ -50,6 +52,9 @@ TOLERANCE_M = 0.04
 SPOT_RADIUS_M = 1.0
 """A path may be in the tight space as far as this from a tight place that it goes through, and a little further where
 there is more than the clearance."""
+
+ROOM_ACCURACY_M = 0.002
+"""How far below the true one the room along a segment may be said to be."""
 
 LEAST_POINTS = 256
 EVERYWHERE = FenceVolume(np.zeros((0, 2)), np.zeros(1, np.int64), 0, math.inf, 0.0)
@@ -276,9 +281,22 @@ class FreeSpace:
         least = _points(low)[0], _points(high)[0]
         return np.stack(grown_box(*least, _points(most_low)[0], _points(most_high)[0], self.model))
 
-    def largest_clearance_m(self, places: ArrayLike) -> float:
+    def least_room_m(self, a: ArrayLike, b: ArrayLike) -> float:
+        """Lower bound of how far any point of the segment between two points (3,) can move and stay free."""
+        return least_room(_points(a)[0], _points(b)[0], ROOM_ACCURACY_M, self.model)
+
+    def cut_free(self, a: ArrayLike, b: ArrayLike, planes: ArrayLike, reach_m: float) -> NDArray[np.float64] | None:
+        """The planes (m, 4) of a convex set about a segment and those that cut it free; None where none can.
+
+        The column over home is not exempt; see `separating_planes`.
+        """
+        within = np.ascontiguousarray(planes, dtype=np.float64)
+        found, free = separating_planes(_points(a)[0], _points(b)[0], within, reach_m, self.model)
+        return found if free else None
+
+    def largest_clearance_m(self, places: ArrayLike, *, fenced: bool = True) -> float:
         """Largest clearance at which one of places (N, 3) can be reached, see `widest_way`."""
-        return largest_clearance_m(self, _points(places))
+        return largest_clearance_m(self, _points(places), fenced=fenced)
 
     def in_home_column(self, point: ArrayLike) -> bool:
         """Whether a point (3,) is over home and below the take-off point: it is left vertically."""
@@ -353,19 +371,20 @@ class FreeSpace:
         centres[:, 2] = -math.inf  # so that the height limit does not count
         return room_in_fence(centres, self.model.fence).reshape(nx, ny)
 
-    def free_cells(self, clearance_m: float, reach_m: float = 0.0) -> NDArray[np.bool_]:
+    def free_cells(self, clearance_m: float, reach_m: float = 0.0, *, fenced: bool = True) -> NDArray[np.bool_]:
         """Cells that would be free with some clearance, connected with home or not, shape (nx, ny, nz).
 
         Args:
             clearance_m: what the centre keeps from surfaces and the ground.
             reach_m: what it keeps besides, from the fence too.
+            fenced: whether the fence is kept.
         """
         needed, heights = self._needed_m + reach_m, self._heights()
         low = -math.inf if self.ground_m is None else self.ground_m + clearance_m + needed
-        high = self.model.fence.max_height_m - self.model.fence.margin_m - needed
-        free = self.model.distance >= np.float32(clearance_m + needed)
-        free &= (self._room_aside_m >= needed)[:, :, None]
-        free &= (heights >= low) & (heights <= high)
+        free = (self.model.distance >= np.float32(clearance_m + needed)) & (heights >= low)
+        if fenced:
+            free &= (self._room_aside_m >= needed)[:, :, None]
+            free &= heights <= self.model.fence.max_height_m - self.model.fence.margin_m - needed
         return free
 
     def _connect_home(

@@ -190,6 +190,28 @@ def segment_free(a: Floats, b: Floats, least: float, model: RoomModel) -> bool:
 
 
 @compiled
+def least_room(a: Floats, b: Floats, accuracy: float, model: RoomModel) -> float:
+    """Lower bound of the room (m) all along the segment between two points (3,), this much below it at most.
+
+    Each step is as long as the room exceeds what is known to be the least, and `accuracy` longer.
+    """
+    if not (inside_grid(a, model) and inside_grid(b, model)):
+        return -math.inf
+    length = math.sqrt((b[0] - a[0]) ** 2 + (b[1] - a[1]) ** 2 + (b[2] - a[2]) ** 2)
+    least, at = math.inf, 0.0
+    point = a.copy()
+    while True:
+        room = room_at(point, model)
+        least = min(least, room)
+        if at >= length or least < 0.0:
+            return float(least - accuracy)
+        at = min(at + room - least + accuracy, length)
+        share = at / length
+        for k in range(3):
+            point[k] = a[k] + share * (b[k] - a[k])
+
+
+@compiled
 def segments_free(a: Floats, b: Floats, least: float, model: RoomModel) -> Marks:
     """`segment_free` for many segments, shapes (M, 3)."""
     result = np.zeros(a.shape[0], np.bool_)

@@ -19,21 +19,22 @@ STEP_M = 0.01
 """The answer is found to this."""
 
 
-def largest_clearance_m(space: FreeSpace, places_m: NDArray[np.float64]) -> float:
+def largest_clearance_m(space: FreeSpace, places_m: NDArray[np.float64], *, fenced: bool = True) -> float:
     """Largest clearance about the vehicle's centre at which one of some places can be reached from home.
 
     The ways are those over the space's own grid, so it is a little less than what a finer grid would find; it is never
-    more. The fence is kept as it is.
+    more. The fence is kept as it is, or left out.
 
     Args:
         space: of a larger clearance, at which none of them can be reached.
         places_m: shape (N, 3).
+        fenced: whether the fence is kept.
 
     Returns:
         Metres; 0 when no clearance will do.
     """
     model = space.model
-    places = places_m[room_in_fence(places_m, model.fence) >= 0]
+    places = places_m[room_in_fence(places_m, model.fence) >= 0] if fenced else places_m
     cells = space.cell_of(places)
     inside = ((cells >= 0) & (cells < model.distance.shape)).all(axis=1)
     places, cells = places[inside], cells[inside]
@@ -42,7 +43,7 @@ def largest_clearance_m(space: FreeSpace, places_m: NDArray[np.float64]) -> floa
     start = tuple(space.cell_of(space.take_off_m)[0])
 
     def reached(clearance: float) -> bool:
-        labels, _ = ndimage.label(space.free_cells(clearance))
+        labels, _ = ndimage.label(space.free_cells(clearance, fenced=fenced))
         if labels[start] == 0:
             return False
         near = ndimage.binary_dilation(labels == labels[start], np.ones((3, 3, 3), dtype=np.bool_))

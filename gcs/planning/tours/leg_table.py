@@ -65,6 +65,7 @@ class LegTable:
         self._grid = GridSearch(space.free_mask.shape)
         self._paths: dict[tuple[int, int], NDArray[np.float64]] = {}
         self._legs: dict[tuple[int, int], Leg] = {}
+        self._straight_wh: dict[tuple[int, int], float] = {}
 
     def know(self, order: Sequence[int], legs_m: Sequence[NDArray[np.float64]]) -> None:
         """Take over the paths of a closed tour: from home to the first stop, ..., from the last one home."""
@@ -83,18 +84,45 @@ class LegTable:
             self._legs[a, b] = Leg(path, self._cost(path), self._energy(path))
         return self._legs[a, b]
 
+    def is_searched(self, a: int, b: int) -> bool:
+        """Whether the way from a to b, or back, is known."""
+        return (a, b) in self._paths or (b, a) in self._paths
+
+    def search(self, order: Iterable[int]) -> bool:
+        """Search the legs of a run, and tell whether there was one that was not known before."""
+        new = [pair for pair in _pairs(order) if not self.is_searched(*pair)]
+        for pair in new:
+            self._path(*pair)
+        return bool(new)
+
     def least_cost(self, a: int, b: int) -> float:
         """Cost of the leg if it is known, else of the straight line, which no way undercuts."""
-        if (a, b) in self._legs:
-            return self._legs[a, b].cost
-        if (b, a) in self._legs:
-            return self._legs[b, a].cost
+        if self.is_searched(a, b):
+            return self.leg(a, b).cost
         return self._cost(self._points[[a, b]])
+
+    def least_energy_wh(self, a: int, b: int) -> float:
+        """Estimated energy of the leg if it is known, else of the straight line."""
+        if self.is_searched(a, b):
+            return self.leg(a, b).energy_wh
+        if (a, b) not in self._straight_wh:
+            self._straight_wh[a, b] = self._energy(self._points[[a, b]])
+        return self._straight_wh[a, b]
+
+    def least_costs(self, of_steps: Callable[[NDArray[np.float64]], NDArray[np.float64]]) -> NDArray[np.float64]:
+        """`least_cost` of all pairs, home last, shape (N + 1, N + 1).
+
+        Args:
+            of_steps: costs of straight lines, from displacements (..., 3) to (...).
+        """
+        costs = of_steps(self._points[:, None] - self._points[None])
+        for (a, b), leg in self._legs.items():
+            costs[a, b] = costs[b, a] = leg.cost
+        return costs
 
     def legs(self, order: Iterable[int]) -> list[Leg]:
         """The legs of a run: from home through the stops and back."""
-        nodes = [HOME, *order, HOME]
-        return [self.leg(a, b) for a, b in itertools.pairwise(nodes)]
+        return [self.leg(a, b) for a, b in _pairs(order)]
 
     def cost(self, order: Iterable[int]) -> float:
         """Cost of a run."""
@@ -103,6 +131,14 @@ class LegTable:
     def energy_wh(self, order: Iterable[int]) -> float:
         """Estimated energy of the legs of a run."""
         return sum(leg.energy_wh for leg in self.legs(order))
+
+    def least_run_cost(self, order: Iterable[int]) -> float:
+        """`least_cost` of a run."""
+        return sum(self.least_cost(a, b) for a, b in _pairs(order))
+
+    def least_run_energy_wh(self, order: Iterable[int]) -> float:
+        """`least_energy_wh` of a run."""
+        return sum(self.least_energy_wh(a, b) for a, b in _pairs(order))
 
     def poll(self) -> None:
         """Tell the progress that something is going on; it may stop it."""
@@ -116,3 +152,8 @@ class LegTable:
                 ends = self._points[[a, b]]
                 self._paths[a, b] = find_path(self._space, ends[0], ends[1], grid=self._grid, poll=self.poll)
         return self._paths[a, b]
+
+
+def _pairs(order: Iterable[int]) -> Iterable[tuple[int, int]]:
+    """The legs of a run from home and back, by their nodes."""
+    return itertools.pairwise([HOME, *order, HOME])

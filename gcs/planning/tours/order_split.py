@@ -1,4 +1,4 @@
-"""A given visiting order cut into runs that each leave from home and come back, by dynamic programming.
+"""A given visiting order cut into runs that each leave from a home and come back to it, by dynamic programming.
 
 "Route first, cluster second" (J. E. Beasley, Omega 11, 1983): for a fixed order the cheapest cut is found exactly, as a
 shortest path over the places where it may be cut.
@@ -6,14 +6,19 @@ shortest path over the places where it may be cut.
 
 from __future__ import annotations
 
+import itertools
 import math
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple, Self
 
 import numpy as np
 
+from gcs.planning.tours.run_exchange import HOME
+
 if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
     from numpy.typing import NDArray
 
 
@@ -31,6 +36,15 @@ class OrderCosts:
     between: NDArray[np.float64]
     back: NDArray[np.float64]
 
+    @classmethod
+    def of_order(cls, order: Sequence[int], leg: Callable[[int, int], float]) -> Self:
+        """What the legs of an order take, given what a leg from one node to another does."""
+        return cls(
+            out=np.array([leg(HOME, stop) for stop in order]),
+            between=np.array([leg(a, b) for a, b in itertools.pairwise(order)]),
+            back=np.array([leg(stop, HOME) for stop in order]),
+        )
+
     @cached_property
     def _along(self) -> NDArray[np.float64]:
         return np.concatenate([[0.0], np.cumsum(self.between)])
@@ -45,34 +59,49 @@ class OrderCosts:
         return float(self.of_runs_to(last)[first])
 
 
-def split_order(costs: OrderCosts, uses: OrderCosts, limit: float, run_cost: float = 0.0) -> list[slice] | None:
+class Cut(NamedTuple):
+    """A run of an order.
+
+    Attributes:
+        base: number of the home that it leaves from and comes back to.
+        stops: which part of the order it is.
+    """
+
+    base: int
+    stops: slice
+
+
+def split_order(
+    costs: Sequence[OrderCosts], uses: Sequence[OrderCosts], limit: float, run_cost: float = 0.0
+) -> list[Cut] | None:
     """Cut an order into runs at least cost, none of which uses more than a limit.
 
     Args:
-        costs: what is to be small in total.
-        uses: what is limited in each run.
+        costs: what is to be small in total, for each home that a run may have.
+        uses: what is limited in each run, likewise.
         limit: the most that a run may use.
         run_cost: what every run costs besides.
 
     Returns:
-        The runs as slices of the order, in order; None when no cut keeps the limit. Where the triangle inequality
-        holds, that is so only if some stop uses too much on its own.
+        The runs, in order; of homes that cost the same the first. None when no cut keeps the limit; where the triangle
+        inequality holds, that is so only if some stop uses too much on its own from every home.
     """
-    n = len(costs.out)
+    n = len(costs[0].out)
     best = np.full(n + 1, math.inf)
     best[0] = 0.0
-    first_of = np.zeros(n + 1, dtype=np.int64)
+    first_of, base_of = np.zeros(n + 1, dtype=np.int64), np.zeros(n + 1, dtype=np.int64)
     for last in range(n):
-        total = best[: last + 1] + costs.of_runs_to(last) + run_cost
-        total[uses.of_runs_to(last) > limit] = math.inf
-        first_of[last + 1] = first = int(total.argmin())
-        best[last + 1] = total[first]
+        total = np.array([best[: last + 1] + own.of_runs_to(last) + run_cost for own in costs])
+        total[np.array([own.of_runs_to(last) for own in uses]) > limit] = math.inf
+        base, first = divmod(int(total.argmin()), last + 1)
+        first_of[last + 1], base_of[last + 1] = first, base
+        best[last + 1] = total[base, first]
     if not math.isfinite(best[n]):
         return None
-    runs: list[slice] = []
+    runs: list[Cut] = []
     end = n
     while end > 0:
-        runs.append(slice(int(first_of[end]), end))
+        runs.append(Cut(int(base_of[end]), slice(int(first_of[end]), end)))
         end = int(first_of[end])
     return runs[::-1]
 

@@ -17,6 +17,7 @@ from gcs.planning.numerics.curve_bounds import Extremum, largest_norm, least, li
 from gcs.planning.numerics.curve_samples import sampled
 from gcs.planning.scene.fence import fence_volume, room_in_fence
 from gcs.planning.scene.room import HOME_COLUMN_RADIUS_M
+from gcs.planning.trajectories.convex_set import outside_m
 from gcs.planning.trajectories.deviation import PolylineDistance
 from gcs.planning.trajectories.flight_limits import largest_thrust_ratio, largest_tilt_rad
 from gcs.planning.views.viewpoint_pose import camera_axes
@@ -61,10 +62,14 @@ class CurveFigures:
         max_tilt_rad: largest angle of the thrust from the vertical, when the vehicle's is limited.
         max_thrust_ratio: largest thrust over weight, when the vehicle's is limited.
         largest_jump: largest jump of position, velocity, acceleration or jerk at a joint (SI units).
-        unrest_m_s: largest speed at the start, at the end and at the exposures.
+        unrest_m_s: largest speed at the start, at the end and at the exposures of viewpoints that it stops at.
         unrest_m_s2: largest acceleration there.
         fence_room_m: how far the vehicle could move before it came too near to the fence; infinite without one.
         disorder: number of viewpoints whose exposure is not after the one before.
+        interval_s: least time between two exposures; infinite when there are fewer.
+        short_hold_s: by how much the longest rest about an exposure falls short of the hold that was asked; 0 or less
+            when none does.
+        exposure_turn_rad_s: largest rate of yaw or gimbal at an exposure.
         yaw_rate_rad_s: largest yaw rate.
         gimbal_rate_rad_s: largest gimbal pitch rate.
         angle_miss_rad: largest difference of yaw, pitch, view direction or image-up direction from a viewpoint's at its
@@ -91,6 +96,9 @@ class CurveFigures:
     unrest_m_s2: float
     fence_room_m: float
     disorder: int
+    interval_s: float
+    short_hold_s: float
+    exposure_turn_rad_s: float
     yaw_rate_rad_s: float
     gimbal_rate_rad_s: float
     angle_miss_rad: float
@@ -123,9 +131,13 @@ def measure(
     deviation = _deviation(trajectory, control, path_m, progress)
     progress.report("certificates", 0.8)
     times = np.array([v.time_s for v in viewpoints])
-    rests = np.concatenate([[0.0], times, [trajectory.duration_s]])
+    stops = np.array([v.stops for v in viewpoints], dtype=np.bool_)
+    rests = np.concatenate([[0.0], times[stops], [trajectory.duration_s]])
+    order = np.concatenate([[0.0], times, [trajectory.duration_s]])
+    turning = np.abs([built.yaw.rate(times), built.gimbal_pitch.rate(times)])
     positions = np.array([v.position_m for v in viewpoints]).reshape(-1, 3)
     low, high = built.corridor_m[:, :1], built.corridor_m[:, 1:]
+    beyond_planes = outside_m(control, built.corridor_planes) if built.corridor_planes else 0.0
     return CurveFigures(
         length_m=deviation.length_m,
         path_length_m=float(np.linalg.norm(np.diff(path_m, axis=0), axis=1).sum()),
@@ -142,13 +154,16 @@ def measure(
         max_thrust_ratio=None
         if scenario.vehicle.max_thrust_ratio is None
         else largest_thrust_ratio(control, durations),
-        corridor_violation_m=float(np.maximum(low - control, control - high).max(initial=0.0)),
+        corridor_violation_m=float(np.maximum(low - control, control - high).max(initial=beyond_planes)),
         worst_viewpoint_miss_m=_largest(np.linalg.norm(trajectory.value(times) - positions, axis=1)),
         largest_jump=_largest_jump(trajectory),
         unrest_m_s=_largest(np.linalg.norm(trajectory.value(rests, 1), axis=1)),
         unrest_m_s2=_largest(np.linalg.norm(trajectory.value(rests, 2), axis=1)),
         fence_room_m=_fence_room(control, durations, scenario, progress),
-        disorder=int((np.diff(rests) <= 0).sum()),
+        disorder=int((np.diff(order) <= 0).sum()),
+        interval_s=float(np.diff(np.sort(times)).min(initial=math.inf)),
+        short_hold_s=_short_hold_s(trajectory, viewpoints),
+        exposure_turn_rad_s=_largest(turning),
         yaw_rate_rad_s=_largest_rate(built.yaw),
         gimbal_rate_rad_s=_largest_rate(built.gimbal_pitch),
         angle_miss_rad=_angle_miss(built, viewpoints, times),
@@ -234,6 +249,17 @@ def _largest_jump(trajectory: PiecewisePolynomial) -> float:
         start = factor[order] * trajectory.coefficients[:, order] / scale
         worst = max(worst, _largest(np.linalg.norm(start[1:] - end[:-1], axis=1)))
     return worst
+
+
+def _short_hold_s(trajectory: PiecewisePolynomial, viewpoints: Sequence[Viewpoint]) -> float:
+    """See `CurveFigures`; a rest is one piece that does not move."""
+    short = 0.0
+    for view in viewpoints:
+        if view.hold_s > 0:
+            piece = int(np.searchsorted(trajectory.starts_s, view.time_s, side="right")) - 1
+            rests = not trajectory.coefficients[piece, 1:].any()
+            short = max(short, view.hold_s - (trajectory.durations_s[piece] if rests else 0.0))
+    return float(short)
 
 
 def _largest_rate(profile: AngleProfile) -> float:

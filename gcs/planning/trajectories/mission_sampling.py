@@ -63,7 +63,7 @@ def sample_mission_path(
 
     Args:
         trajectory: the curve, scene ENU.
-        stop_times_s: when each viewpoint is photographed (s on the trajectory), increasing; the curve is at rest there.
+        stop_times_s: when each viewpoint is photographed (s on the trajectory), increasing; a mission stops there.
         chord_error_m: how far the curve may lie from the legs.
 
     Raises:

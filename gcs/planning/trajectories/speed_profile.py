@@ -1,4 +1,7 @@
-"""First segment times: a profile of speed along a leg that keeps the acceleration limit and slows for its corners."""
+"""First segment times: a profile of speed along a leg that keeps the acceleration limit and slows for its corners.
+
+It also slows for the places that are to be passed slowly, and takes its time from one of them to the next.
+"""
 
 from __future__ import annotations
 
@@ -31,17 +34,21 @@ def initial_times(leg: LegCorridor, limits: FlightLimits, window_s: float) -> ND
         limits: kept by the profile on straights.
         window_s: the profile is averaged four times over a quarter of this.
     """
-    return _times(leg.joints_m, leg.boxes_m, limits.speed_m_s, limits.acceleration_m_s2, window_s)
+    top_speeds = np.full(len(leg.joints_m), limits.speed_m_s)
+    if leg.passing is not None:
+        top_speeds[leg.passing.joints] = np.minimum(leg.passing.speeds_m_s, limits.speed_m_s)
+    times = _times(leg.joints_m, leg.joint_room_m, top_speeds, limits.acceleration_m_s2, window_s)
+    return times if leg.passing is None else leg.passing.lengthened(times)
 
 
 @compiled
-def _times(joints: Floats, boxes: Floats, top_speed: float, acceleration: float, window: float) -> Floats:
-    """See `initial_times`."""
-    count = len(boxes)
+def _times(joints: Floats, rooms: Floats, top_speeds: Floats, acceleration: float, window: float) -> Floats:
+    """See `initial_times`; the top speeds are those at the joints, the first's that of the whole leg."""
+    count = len(joints) - 1
     lengths = np.empty(count)
     for k in range(count):
         lengths[k] = math.sqrt(((joints[k + 1] - joints[k]) ** 2).sum())
-    speeds = _joint_speeds(joints, boxes, lengths, top_speed, acceleration)
+    speeds = _joint_speeds(joints, rooms, lengths, top_speeds, acceleration)
     at = np.zeros(count + 1)
     at[1:] = np.cumsum(lengths)
     way, speed, times = np.empty(_PROFILE_SAMPLES), np.empty(_PROFILE_SAMPLES), np.zeros(_PROFILE_SAMPLES)
@@ -52,7 +59,7 @@ def _times(joints: Floats, boxes: Floats, top_speed: float, acceleration: float,
             segment += 1
         after = speeds[segment] ** 2 + gain * max(way[i] - at[segment], 0.0)
         before = speeds[segment + 1] ** 2 + gain * max(at[segment + 1] - way[i], 0.0)
-        speed[i] = min(math.sqrt(min(after, before)), top_speed)
+        speed[i] = min(math.sqrt(min(after, before)), top_speeds[0])
         if i > 0:
             times[i] = times[i - 1] + 2 * (way[i] - way[i - 1]) / max(speed[i] + speed[i - 1], 1e-9)
     end = times[-1] + window
@@ -77,23 +84,22 @@ def _times(joints: Floats, boxes: Floats, top_speed: float, acceleration: float,
 
 
 @compiled
-def _joint_speeds(joints: Floats, boxes: Floats, lengths: Floats, top_speed: float, acceleration: float) -> Floats:
-    """Speeds at the joints that corners and the acceleration limit allow, shape (n + 1,); at rest at both ends.
+def _joint_speeds(joints: Floats, rooms: Floats, lengths: Floats, top_speeds: Floats, acceleration: float) -> Floats:
+    """Speeds at the joints that corners and the limits allow, shape (n + 1,); at rest at both ends.
 
-    A turn by the angle theta that may leave its corner by m can be flown on a radius `m / (1 / cos(theta / 2) - 1)`.
+    A turn by the angle theta that may leave its corner by m can be flown on a radius `m / (1 / cos(theta / 2) - 1)`; m
+    is the joint's room, shape (n - 1,).
     """
     count = len(lengths)
     speeds, gain = np.zeros(count + 1), 2 * acceleration
     for k in range(1, count):
-        margin, along = math.inf, 0.0
+        along = 0.0
         for d in range(3):
-            low, high = max(boxes[k - 1, 0, d], boxes[k, 0, d]), min(boxes[k - 1, 1, d], boxes[k, 1, d])
-            margin = min(margin, joints[k, d] - low, high - joints[k, d])
             along += (joints[k, d] - joints[k - 1, d]) * (joints[k + 1, d] - joints[k, d])
         half = math.sqrt((1 + min(max(along / (lengths[k - 1] * lengths[k]), -1.0), 1.0)) / 2)
-        radius = max(margin, 0.0) * half / max(1 - half, 1e-9)
+        radius = max(rooms[k - 1], 0.0) * half / max(1 - half, 1e-9)
         speeds[k] = min(
-            top_speed, math.sqrt(acceleration * radius), math.sqrt(speeds[k - 1] ** 2 + gain * lengths[k - 1])
+            top_speeds[k], math.sqrt(acceleration * radius), math.sqrt(speeds[k - 1] ** 2 + gain * lengths[k - 1])
         )
     for k in range(count - 1, -1, -1):
         speeds[k] = min(speeds[k], math.sqrt(speeds[k + 1] ** 2 + gain * lengths[k]))

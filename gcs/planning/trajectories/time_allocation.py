@@ -22,8 +22,9 @@ import numpy as np
 from gcs.planning.numerics.chain_qp import ChainSolver
 from gcs.planning.numerics.compiled import compiled
 from gcs.planning.numerics.qp_solver import SolverError
+from gcs.planning.trajectories.corridor_checks import check_corridors
 from gcs.planning.trajectories.flight_limits import FlightLimits
-from gcs.planning.trajectories.minimum_snap import check_corridors, solve_legs
+from gcs.planning.trajectories.minimum_snap import solve_legs
 from gcs.planning.trajectories.speed_profile import initial_times
 from gcs.planning.trajectories.straight_moves import straight_moves, straight_times
 
@@ -34,6 +35,7 @@ if TYPE_CHECKING:
 
     from gcs.core.progress import Progress
     from gcs.planning.numerics.qp_solver import QpSolver
+    from gcs.planning.trajectories.passing import Passing
     from gcs.planning.trajectories.safe_corridor import LegCorridor
 
 __all__ = ["FlightLimits", "TimedLeg", "fit_limits", "time_legs"]
@@ -65,6 +67,9 @@ LEAST_USE = 0.5
 _AVERAGE_POWER = 8
 """The average leans towards the largest use: it is that of this power."""
 
+_FAR = 4.0
+"""Widths beyond which nothing is averaged."""
+
 Floats = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 Ints = np.ndarray[tuple[int, ...], np.dtype[np.int64]]
 
@@ -89,16 +94,34 @@ class TimedLeg:
 
 def fit_limits(control: NDArray[np.float64], durations_s: NDArray[np.float64], limits: FlightLimits) -> TimedLeg:
     """The same curve with all times scaled so that its worst extremum is at its limit (less the margin)."""
-    return _fit_all([TimedLeg(control, durations_s)], limits)[0]
+    return _fit_all([TimedLeg(control, durations_s)], limits, [None])[0]
 
 
-def _fit_all(legs: Sequence[TimedLeg], limits: FlightLimits) -> list[TimedLeg]:
+def _fit_all(legs: Sequence[TimedLeg], limits: FlightLimits, passings: Sequence[Passing | None]) -> list[TimedLeg]:
     if not legs:
         return []
     first = _first(legs)
     control, durations = _stacked(legs)
-    factors = limits.stretch(limits.worst_peaks(first, control, durations))
+    factors = np.maximum(
+        limits.stretch(limits.worst_peaks(first, control, durations)), _passing_factors(legs, passings)
+    )
     return [TimedLeg(leg.control, leg.durations_s * factor) for leg, factor in zip(legs, factors, strict=True)]
+
+
+def _passing_factors(legs: Sequence[TimedLeg], passings: Sequence[Passing | None]) -> NDArray[np.float64]:
+    """Factor on all times of each leg that the places it passes ask for, shape (L,); 0 where it passes none."""
+    pairs = zip(legs, passings, strict=True)
+    return np.array([0.0 if asked is None else asked.stretch(leg.control, leg.durations_s) for leg, asked in pairs])
+
+
+def _use(legs: Sequence[TimedLeg], limits: FlightLimits, passings: Sequence[Passing | None]) -> NDArray[np.float64]:
+    """Factor on the time of each piece of the legs that is asked for, shape (S,); above 1 is too quick."""
+    use = limits.use(*_stacked(legs))
+    for begin, leg, passing in zip(_first(legs), legs, passings, strict=False):
+        if passing is not None:
+            part = use[begin : begin + len(leg.durations_s)]
+            np.maximum(part, passing.use(leg.durations_s), out=part)
+    return use
 
 
 def _first(legs: Sequence[TimedLeg]) -> NDArray[np.int64]:
@@ -188,7 +211,7 @@ def time_legs(
         if not open_:
             break
         progress.report("trajectory", (len(WINDOWS) + turn) / rounds)
-        for k, found in _solve(legs, _shorter_times(open_, limits), limits, solvers).items():
+        for k, found in _solve(legs, _shorter_times(legs, open_, limits), limits, solvers).items():
             open_[k].take(found)
     return _finished(legs, {k: search.best for k, search in searches.items()}, limits)
 
@@ -215,8 +238,9 @@ def _solve(
     }
     if not found:
         return dict.fromkeys(times)
-    first = _first(list(found.values()))
-    factors = np.maximum.reduceat(limits.use(*_stacked(list(found.values()))), first[:-1])
+    timed, passings = list(found.values()), [legs[k].passing for k in found]
+    factors = np.maximum.reduceat(_use(timed, limits, passings), _first(timed)[:-1])
+    factors = np.maximum(factors, _passing_factors(timed, passings))
     fitted = {
         k: TimedLeg(leg.control, leg.durations_s * factor)
         for (k, leg), factor in zip(found.items(), factors, strict=True)
@@ -224,16 +248,22 @@ def _solve(
     return {k: fitted.get(k) for k in times}
 
 
-def _shorter_times(searches: dict[int, _Search], limits: FlightLimits) -> dict[int, NDArray[np.float64]]:
+def _shorter_times(
+    legs: Sequence[LegCorridor], searches: dict[int, _Search], limits: FlightLimits
+) -> dict[int, NDArray[np.float64]]:
     """Segment times with less for those that have room."""
     latest = [search.latest for search in searches.values()]
     first = _first(latest)
-    control, durations = _stacked(latest)
+    _, durations = _stacked(latest)
+    use = _use(latest, limits, [legs[k].passing for k in searches])
     settings = np.array([DESCENTS[search.descent] for search in searches.values()])
     widths = settings[:, 1] * limits.speed_m_s / limits.acceleration_m_s2
-    average = _averaged_use(first, durations, limits.use(control, durations), widths)
+    average = _averaged_use(first, durations, use, widths)
     counts = np.diff(first)
-    largest = np.repeat(np.maximum.reduceat(average, first[:-1]), counts)
+    largest = np.maximum.reduceat(average, first[:-1])
+    # Where a place is to be passed slowly, all of a curve may have room.
+    largest[[legs[k].passing is not None for k in searches]] = 1.0
+    largest = np.repeat(largest, counts)
     share = np.maximum(average / largest, LEAST_USE) ** np.repeat(settings[:, 0], counts)
     return dict(zip(searches, np.split(durations * share, first[1:-1]), strict=True))
 
@@ -248,23 +278,30 @@ def _averaged_use(first: Ints, durations: Floats, use: Floats, widths: Floats) -
         for k in range(begin, end):
             middles[k] = time + durations[k] / 2
             time += durations[k]
+        near = begin
         for k in range(begin, end):
             total = weight = 0.0
-            for other in range(begin, end):
+            while middles[k] - middles[near] > _FAR * widths[leg]:
+                near += 1
+            for other in range(near, end):
                 away = (middles[other] - middles[k]) / widths[leg]
-                if abs(away) < 4.0:
-                    w = durations[other] * np.exp(-0.5 * away * away)
-                    weight += w
-                    total += w * use[other] ** _AVERAGE_POWER
+                if away > _FAR:
+                    break
+                w = durations[other] * np.exp(-0.5 * away * away)
+                weight += w
+                total += w * use[other] ** _AVERAGE_POWER
             result[k] = (total / weight) ** (1.0 / _AVERAGE_POWER)
     return result
 
 
 def _finished(legs: Sequence[LegCorridor], found: dict[int, TimedLeg], limits: FlightLimits) -> list[TimedLeg]:
-    """The quicker of the curve found and straight moves, at the limits on their true extrema."""
+    """The quicker of the curve found and straight moves, at the limits on their true extrema.
+
+    Straight moves rest at every corner: where places are passed they only stand in for a curve that was not found.
+    """
     result: list[TimedLeg] = []
     for k, leg in enumerate(legs):
         straight = straight_times(leg, limits)
-        quicker = k not in found or straight.sum() < found[k].total_s
+        quicker = k not in found or (leg.passing is None and straight.sum() < found[k].total_s)
         result.append(TimedLeg(*straight_moves(leg, straight)) if quicker else found[k])
-    return _fit_all(result, limits)
+    return _fit_all(result, limits, [leg.passing for leg in legs])

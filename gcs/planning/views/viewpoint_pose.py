@@ -27,6 +27,7 @@ class ViewpointPose:
         gsd_m: ground sampling distance (m a pixel) at the target, along the axis.
         yaw_rad: azimuth of the direction from east, counter-clockwise.
         gimbal_pitch_rad: elevation of the direction.
+        hold_s: how long the vehicle is asked to stand there at least.
     """
 
     name: str
@@ -36,6 +37,7 @@ class ViewpointPose:
     gsd_m: float
     yaw_rad: float
     gimbal_pitch_rad: float
+    hold_s: float = 0.0
 
 
 def camera_axes(yaw_rad: ArrayLike, pitch_rad: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

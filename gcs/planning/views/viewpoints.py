@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import itertools
+from dataclasses import dataclass, field
 from functools import partial
 from typing import TYPE_CHECKING
 
@@ -16,7 +17,7 @@ from gcs.planning.views.face_grid import face_cells, require_on_surface, surface
 from gcs.planning.views.picture_limits import nearest_place
 from gcs.planning.views.surface_candidates import STAGE
 from gcs.planning.views.viewpoints_faces import FaceSearch
-from gcs.planning.views.viewpoints_points import FARTHER, find_point_viewpoint, stand_off_m
+from gcs.planning.views.viewpoints_points import FARTHER, find_point_viewpoints, stand_off_m
 from gcs.planning.views.viewpoints_spots import find_spot_viewpoints
 from gcs.planning.views.viewpoints_surface import find_surface_viewpoints
 
@@ -48,11 +49,14 @@ class FoundViewpoints:
         cover: the cover that the surface's viewpoints answer, `cover.chosen` in the order of the poses; None when no
             surface was asked for.
         faces: what became of the cells of each face, in the scenario's order.
+        others: for some of the poses, by their number, others that may be taken instead. None with a surface: what it
+            still needs depends on what these poses show of it.
     """
 
     poses: list[ViewpointPose]
     cover: CoverProblem | None
     faces: tuple[FaceCoverage, ...] = ()
+    others: dict[int, list[ViewpointPose]] = field(default_factory=dict)
 
 
 def points_to_inspect(scenario: Scenario, structure: Structure) -> tuple[NamedPoint, ...]:
@@ -114,9 +118,13 @@ def find_viewpoints(
     share = (0.1 if surface else 1.0) / max(len(points) + len(faces), 1)
     nearest = nearest_place(scenario, clearance)
     poses: list[ViewpointPose] = []
+    others: dict[int, list[ViewpointPose]] = {}
     for done, point in enumerate(points, start=1):
         _require_on_surface(point, scenario, distance)
-        poses.append(find_point_viewpoint(point, scenario.camera, nearest, space, sight, MOST_STAND_OFF_M))
+        best, *rest = find_point_viewpoints(point, scenario.camera, nearest, space, sight, MOST_STAND_OFF_M)
+        if rest and surface is None:
+            others[len(poses)] = rest
+        poses.append(best)
         progress.report(STAGE, share * done)
     seen_faces: list[FaceCoverage] = []
     if faces:
@@ -134,9 +142,9 @@ def find_viewpoints(
             poses += find_spot_viewpoints(
                 scenario, structure, surface, poses, space, distance, sight, nearest.distance_m, reach, progress
             )
-    _require_clearance(poses, scenario.centre_clearance_m, distance)
+    _require_clearance([*poses, *itertools.chain(*others.values())], scenario.centre_clearance_m, distance)
     progress.report(STAGE, 1.0)
-    return FoundViewpoints(poses, cover, tuple(seen_faces))
+    return FoundViewpoints(poses, cover, tuple(seen_faces), others)
 
 
 def _tell(progress: Progress, share: float, done: int, part: float) -> None:

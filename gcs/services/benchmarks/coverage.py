@@ -24,7 +24,7 @@ import numpy as np
 from gcs.core.inspection import Inspection, SurfaceTask
 from gcs.core.progress import SilentProgress
 from gcs.core.scenario import Scenario, parse_scenario
-from gcs.planning.planner import prepare_scene
+from gcs.planning.flights.flight_scene import prepare_scene
 from gcs.planning.scene.visibility import SightLines
 from gcs.planning.views.cover_bound import cover_bound
 from gcs.planning.views.coverage import SAMPLES, certify_coverage

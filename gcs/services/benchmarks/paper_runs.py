@@ -24,9 +24,9 @@ from gcs.core.inspection import Inspection
 from gcs.core.progress import SilentProgress
 from gcs.core.scenario import Scenario, parse_scenario
 from gcs.core.trajectory import AngleProfile, PiecewisePolynomial
+from gcs.planning.flights.flight_scene import Scene, prepare_scene
 from gcs.planning.numerics.bernstein import monomial_from_control
 from gcs.planning.numerics.qp_solver import default_solvers
-from gcs.planning.planner import Scene, prepare_scene
 from gcs.planning.tours.tour import find_tour
 from gcs.planning.trajectories.curve_figures import CurveFigures, measure
 from gcs.planning.trajectories.time_allocation import FlightLimits, time_legs
@@ -143,7 +143,7 @@ class Run:
     ) -> Curve:
         trajectory = PiecewisePolynomial(coefficients, durations_s)
         still = AngleProfile(np.array([0.0, trajectory.duration_s]), np.zeros(2))
-        built = BuiltTrajectory(trajectory, boxes_m, still, still, np.empty(0))
+        built = BuiltTrajectory(trajectory, boxes_m, still, still, np.empty(0), np.empty(0, dtype=np.bool_))
         return Curve(built, measure(built, self.path_m, (), self.scenario, self.scene.distance, _QUIET))
 
 

@@ -1,4 +1,4 @@
-"""Benchmark `paths`: optimal grid search in a container yard, pulled paths round a box against a closed form, stays."""
+"""Benchmark `paths`: optimal grid search, pulled paths round a box against a closed form, stays, a whole yard."""
 
 from __future__ import annotations
 
@@ -17,6 +17,7 @@ from gcs.planning.scene.free_space import FreeSpace
 from gcs.planning.scene.grid_search import GridSearch
 from gcs.services.benchmarks.row import Row, milliseconds
 from gcs.services.benchmarks.stay_legs import stay_legs
+from gcs.services.benchmarks.yard_tour import yard_tour
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -41,7 +42,7 @@ def run(quick: bool) -> list[Row]:
     """
     shapes = [(60, 60, 30)] if quick else [(200, 200, 100), (500, 500, 200)]
     rows = [row for shape in shapes for row in _grid_case(shape, quick)]
-    return [*rows, *_any_angle_case(2 if quick else 12), *stay_legs(quick)]
+    return [*rows, *_any_angle_case(2 if quick else 12), *stay_legs(quick), *yard_tour(quick)]
 
 
 def container_yard(shape: tuple[int, ...], seed: int = 0) -> NDArray[np.bool_]:

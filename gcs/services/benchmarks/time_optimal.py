@@ -34,22 +34,29 @@ _FINE = 20
 """Points for each node from which the curve's arc length and directions are taken."""
 
 
-def time_optimal_s(trajectory: PiecewisePolynomial, limits: FlightLimits, nodes: int = NODES) -> float:
+def time_optimal_s(
+    trajectory: PiecewisePolynomial, limits: FlightLimits, nodes: int = NODES, slow: Sequence[tuple[float, float]] = ()
+) -> float:
     """Least time (s) along a curve from rest to rest.
 
     Args:
         trajectory: the curve; its own speed is only the first guess of the profile's shape.
         limits: norms of speed, acceleration and jerk.
         nodes: of the discretisation.
+        slow: places by their time on the trajectory, and how fast each may be passed (m/s).
 
     Raises:
         InfeasibleError: the cone program is not solved.
     """
     # In units in which the curve's length and its own duration are 1.
-    s, tangent, curvature, w = _geometry(trajectory, nodes)
+    s, at, tangent, curvature, w = _geometry(trajectory, nodes)
     second, metre = trajectory.duration_s, float(s[-1])
     s, curvature, w = s / metre, curvature * metre, 0.3 * w * (second / metre) ** 2
-    speed, acceleration = limits.speed_m_s * second / metre, limits.acceleration_m_s2 * second**2 / metre
+    most = np.full(nodes + 1, limits.speed_m_s)
+    for time, speed_m_s in slow:
+        node = int(np.abs(at - time).argmin())
+        most[node] = min(most[node], speed_m_s)
+    speed, acceleration = most * second / metre, limits.acceleration_m_s2 * second**2 / metre
     if limits.jerk_m_s3 is None:
         return second * _time(s, _solve(s, tangent, curvature, (speed, acceleration, None), w))
     jerk = limits.jerk_m_s3 * second**3 / metre
@@ -63,10 +70,8 @@ def time_optimal_s(trajectory: PiecewisePolynomial, limits: FlightLimits, nodes:
     return second * min(time, best)
 
 
-def _geometry(
-    trajectory: PiecewisePolynomial, nodes: int
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """Nodes by arc length, denser at both ends, and between them the tangents and the curvature vectors."""
+def _geometry(trajectory: PiecewisePolynomial, nodes: int) -> tuple[NDArray[np.float64], ...]:
+    """Nodes by arc length, denser at both ends, their times, the tangents and curvature vectors between, and speeds."""
     t = np.linspace(0.0, trajectory.duration_s, nodes * _FINE + 1)
     velocity = trajectory.value(t, 1)
     speed = np.linalg.norm(velocity, axis=1)
@@ -81,7 +86,7 @@ def _geometry(
     tangent = v / norm[:, None]
     across = a - (a * tangent).sum(axis=1)[:, None] * tangent
     curvature = across / norm[:, None] ** 2
-    return s, tangent, curvature, np.linalg.norm(trajectory.value(at, 1), axis=1) ** 2
+    return s, at, tangent, curvature, np.linalg.norm(trajectory.value(at, 1), axis=1) ** 2
 
 
 def _time(s: NDArray[np.float64], w: NDArray[np.float64]) -> float:
@@ -134,10 +139,13 @@ def _solve(
     s: NDArray[np.float64],
     tangent: NDArray[np.float64],
     curvature: NDArray[np.float64],
-    limits: tuple[float, float, float | None],
+    limits: tuple[NDArray[np.float64], float, float | None],
     before: NDArray[np.float64],
 ) -> NDArray[np.float64]:
-    """One cone program; unknowns are w at the inner nodes, their roots y, and the inverse speeds of the gaps."""
+    """One cone program; unknowns are w at the inner nodes, their roots y, and the inverse speeds of the gaps.
+
+    The limit of the speed is given for each node.
+    """
     speed, most, jerk = limits
     gaps = np.diff(s)
     n = len(gaps)
@@ -174,5 +182,5 @@ def _solve(
     cones.shifted_norm(np.ones(inner), squares, [(2 * roots, 0.0), (squares, -1.0)])
     total = sparse.csr_matrix((left + right) @ roots)
     cones.shifted_norm(np.zeros(n), total + inverse, [(0 * inverse, 2.0), (inverse - total, 0.0)])
-    found = cones.minimise(np.concatenate([np.zeros(2 * inner), 2 * gaps]), np.full(inner, speed**2))
+    found = cones.minimise(np.concatenate([np.zeros(2 * inner), 2 * gaps]), speed[1:-1] ** 2)
     return np.concatenate([[0.0], np.maximum(found[:inner], 0.0), [0.0]])

@@ -16,8 +16,8 @@ from gcs.core.plan import Viewpoint
 from gcs.core.progress import SilentProgress
 from gcs.core.scenario import parse_scenario
 from gcs.planning.certificates import certify
+from gcs.planning.flights.flight_scene import prepare_scene
 from gcs.planning.paths.path_search import find_path
-from gcs.planning.planner import prepare_scene
 from gcs.planning.trajectories.trajectory_builder import build_trajectory
 from gcs.planning.views.viewpoint_pose import camera_axes
 from gcs.services.benchmarks.row import Row, milliseconds
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from gcs.core.scenario import Scenario
-    from gcs.planning.planner import Scene
+    from gcs.planning.flights.flight_scene import Scene
     from gcs.planning.trajectories.trajectory_builder import BuiltTrajectory
 
 VIEWPOINTS, QUICK_VIEWPOINTS = 700, 20

@@ -1,5 +1,7 @@
 """How the autopilots fly missions: against closed forms, against laws measured on real ones, and at their limits."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -133,6 +135,14 @@ def test_what_cannot_be_flown_is_one_clear_error():
         route([[0, 0, 20]])
     with pytest.raises(InputError, match="finite"):
         route([[0, 0, np.nan], [1, 0, 0]])
+
+
+def test_a_px4_that_does_not_get_to_a_place_is_given_up_there_however_long_the_mission_is():
+    places = [[0, 0, 20], [30, 0, 25], [30, 30, 20], [30, 20000, 20]]
+    never = replace(Px4Law(), height_radius_m=1e-300)
+    flight = predict_px4_mission(route(places, None, 1.0, speed_m_s=8.0), never, Airframe())
+    assert not flight.finished
+    assert flight.duration_s < 2 * (31 / 0.1 + 120)
 
 
 def test_splines_pass_through_their_places_and_bulge_between_them():

@@ -7,6 +7,7 @@ import math
 import numpy as np
 import pytest
 
+from gcs.core.learned_dynamics import Estimate, LearnedDynamics
 from gcs.core.motion import MotionSample, thrust_axis
 from gcs.planning.dynamics.feed_forward import (
     DRAG_SLEW_S2,
@@ -16,11 +17,12 @@ from gcs.planning.dynamics.feed_forward import (
     MAX_TILT_LAG_S,
     NO_FEED_FORWARD,
     DragEstimator,
-    Estimate,
     FeedForward,
     LagEstimator,
     TiltLagEstimator,
+    carried_over,
     eased,
+    known,
     usable,
 )
 
@@ -86,12 +88,12 @@ def test_a_hover_and_a_steady_flight_in_one_direction_teach_nothing():
     still = learned(samples(60.0, 1.0, (4.0, 0.0, 0.0), motion=lambda t: (np.zeros(3), np.zeros(3))))
     steady = learned(samples(60.0, 1.0, (4.0, 0.0, 0.0), motion=lambda t: (np.array([3.0, 0.0, 0.0]), np.zeros(3))))
     for estimate in (still, steady):
-        assert usable(estimate, UNKNOWN, UNKNOWN) == NO_FEED_FORWARD
+        assert usable(known(estimate, UNKNOWN, UNKNOWN)) == NO_FEED_FORWARD
 
 
 def test_vertical_flight_teaches_nothing_of_drag():
     flight = samples(60.0, 1.0, motion=lambda t: (np.array([0.2, 0.0, 4.0 * math.sin(t)]), np.zeros(3)))
-    assert usable(learned(flight), UNKNOWN, UNKNOWN) == NO_FEED_FORWARD
+    assert usable(known(learned(flight), UNKNOWN, UNKNOWN)) == NO_FEED_FORWARD
 
 
 def test_gaps_repeats_and_a_clock_that_steps_back_do_no_harm():
@@ -132,7 +134,7 @@ def test_a_vehicle_that_stands_still_has_no_lag():
     estimator = LagEstimator()
     for i in range(600):
         estimator.add(0.1 * i, np.array([0.3, 0.0, 0.0]), np.zeros(3), np.zeros(3))
-    assert usable(UNKNOWN, estimator.estimate, UNKNOWN) == NO_FEED_FORWARD
+    assert usable(known(UNKNOWN, estimator.estimate, UNKNOWN)) == NO_FEED_FORWARD
 
 
 @pytest.mark.parametrize("lag", [0.1, 0.25])
@@ -154,20 +156,19 @@ def test_a_tilt_that_nobody_tells_the_aim_of_has_no_lag():
     estimator = TiltLagEstimator()
     for sample in samples(30.0, 0.5):
         estimator.add(sample)
-    assert usable(UNKNOWN, UNKNOWN, estimator.estimate) == NO_FEED_FORWARD
+    assert usable(known(UNKNOWN, UNKNOWN, estimator.estimate)) == NO_FEED_FORWARD
 
 
 def test_only_what_is_certain_of_the_drag_is_used_and_everything_is_bounded():
     certain = Estimate(0.2, 0.01)
-    assert usable(Estimate(1.0, 0.1), certain, certain) == FeedForward(0.8, 0.2, 0.2)
-    assert usable(Estimate(0.15, 0.1), certain, certain).drag_s == 0.0
-    assert usable(Estimate(9.0, 0.01), Estimate(7.0, 0.01), Estimate(7.0, 0.01)) == FeedForward(
-        MAX_DRAG_S, MAX_LAG_S, MAX_TILT_LAG_S
-    )
-    assert usable(Estimate(-3.0, 0.01), Estimate(-1.0, 0.01), Estimate(-1.0, 0.01)) == NO_FEED_FORWARD
+    assert usable(known(Estimate(1.0, 0.1), certain, certain)) == FeedForward(0.8, 0.2, 0.2)
+    assert usable(known(Estimate(0.15, 0.1), certain, certain)).drag_s == 0.0
+    much, less = Estimate(9.0, 0.01), Estimate(-3.0, 0.01)
+    assert usable(LearnedDynamics(much, much, much)) == FeedForward(MAX_DRAG_S, MAX_LAG_S, MAX_TILT_LAG_S)
+    assert usable(LearnedDynamics(less, less, less)) == NO_FEED_FORWARD
     for number in (math.nan, math.inf):
-        assert usable(Estimate(number, 0.01), certain, certain) == NO_FEED_FORWARD
-        assert usable(Estimate(1.0, number), certain, certain).drag_s == 0.0
+        assert usable(known(Estimate(number, 0.01), certain, certain)) == NO_FEED_FORWARD
+        assert usable(known(Estimate(1.0, number), certain, certain)).drag_s == 0.0
 
 
 def test_what_is_used_changes_slowly_and_never_backwards_in_time():
@@ -180,3 +181,36 @@ def test_what_is_used_changes_slowly_and_never_backwards_in_time():
     assert present.drag_s == pytest.approx(DRAG_SLEW_S2)
     assert eased(present, wanted, -3.0) == present
     assert eased(present, NO_FEED_FORWARD, 1e3) == NO_FEED_FORWARD
+
+
+def test_a_flight_starts_where_the_last_one_ended_and_believes_its_own_motion_more():
+    start = carried_over(known(learned(samples(60.0, 0.8)), UNKNOWN, UNKNOWN)).drag
+    assert DragEstimator(start).estimate.value == pytest.approx(0.8, abs=0.02)
+    assert 0.1 < DragEstimator(start).estimate.sigma < 0.2
+    # Since then it was given guards: after a few seconds of flight that is what counts.
+    changed = DragEstimator(start)
+    for sample in samples(8.0, 1.2):
+        changed.add(sample)
+    assert changed.estimate.value == pytest.approx(1.2, abs=0.05)
+
+
+@pytest.mark.parametrize("estimator", [LagEstimator, TiltLagEstimator])
+def test_lags_start_where_the_last_flight_ended(estimator):
+    start = estimator(Estimate(0.2, 0.06)).estimate
+    assert (start.value, start.sigma) == (pytest.approx(0.2), pytest.approx(0.06))
+
+
+def test_a_lag_of_an_earlier_flight_is_soon_forgotten():
+    late = LagEstimator(Estimate(0.3, 0.05))
+    for i in range(200):
+        t = 0.1 * i
+        velocity = np.array([3.0 * math.sin(0.7 * t), 2.0, 0.0])
+        late.add(t, np.zeros(3), 0.1 * velocity, velocity)
+    assert late.estimate.value == pytest.approx(0.1, abs=0.02)
+
+
+def test_what_is_carried_over_again_and_again_without_flying_is_given_up():
+    learned = LearnedDynamics(Estimate(0.8, 0.05), Estimate(0.1, 0.02), Estimate(0.2, 0.02))
+    for _ in range(10):
+        learned = known(*(e or UNKNOWN for e in vars(carried_over(learned)).values()))
+    assert learned == LearnedDynamics()

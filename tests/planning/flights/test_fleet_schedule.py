@@ -2,6 +2,7 @@
 
 import itertools
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -36,7 +37,8 @@ def flight(*stops):
     knots = np.array([0.0, *(t + 0.5 for t in exposures), total])
     angles = AngleProfile(knots, np.linspace(0, 1, len(knots)))
     trajectory = PiecewisePolynomial(np.array(coefficients), np.array(durations))
-    return BuiltTrajectory(trajectory, np.zeros((len(durations), 2, 3)), angles, angles, np.array(exposures))
+    stops = np.ones(len(exposures), dtype=bool)
+    return BuiltTrajectory(trajectory, np.zeros((len(durations), 2, 3)), angles, angles, np.array(exposures), stops)
 
 
 ALONG_X = flight([-20, 0, 0], [-10, 0, 5], [10, 0, 5], [20, 0, 0])
@@ -87,6 +89,16 @@ def test_waits_move_what_comes_after_them():
     np.testing.assert_allclose(waited.yaw.value(waited.exposures_s), ALONG_X.yaw.value(ALONG_X.exposures_s), atol=0.2)
     np.testing.assert_allclose(np.diff(waited.yaw.times_s), [10.0, 7.5, 5.0], atol=1e-9)
     assert math.isclose(waited.yaw.times_s[-1], waited.trajectory.duration_s)
+
+
+def test_a_vehicle_waits_only_where_it_stops():
+    passing = replace(ALONG_X, exposures_s=np.array([6.0, 9.5, 13.0]), stops=np.array([True, False, True]))
+    waited = with_waits(passing, np.array([3.0, 0.5]))
+    np.testing.assert_allclose(waited.exposures_s, [6.0, 12.5, 16.0])
+    before, after = (b.trajectory.value(b.exposures_s) for b in (passing, waited))
+    np.testing.assert_allclose(after, before, atol=1e-9)
+    schedule = schedule_fleet([passing, ALONG_Y], 5.0, names(2), SilentProgress())
+    assert least_separation([s.curve for s in schedule], SilentProgress()).distance_m >= 5.0
 
 
 def _unscheduled(flights):

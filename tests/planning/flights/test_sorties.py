@@ -20,12 +20,13 @@ BASE = np.array([0.0, 0.0, 0.0])
 class Plane:
     """Straight legs; energy is estimated as the distance."""
 
-    def __init__(self, stops):
+    def __init__(self, stops, base=BASE):
         self.stops_m = stops
+        self.base = np.asarray(base)
         self.polls = 0
 
     def at(self, node):
-        return BASE if node == HOME else self.stops_m[node]
+        return self.base if node == HOME else self.stops_m[node]
 
     def least_cost(self, a, b):
         return float(np.linalg.norm(self.at(a) - self.at(b)))
@@ -38,6 +39,13 @@ class Plane:
         return sum(self.least_cost(a, b) for a, b in itertools.pairwise([HOME, *order, HOME]))
 
     energy_wh = cost
+
+    least_energy_wh = least_cost
+    least_run_cost = least_run_energy_wh = cost
+
+    def search(self, order):
+        """All legs are straight."""
+        return False
 
     def poll(self):
         self.polls += 1
@@ -52,27 +60,29 @@ def sequence(table):
     return of
 
 
-def solve(stops, usable, true_factor=1.0, sortie_cost=0.0, keep_order=False, raised=1.0):
-    table = Plane(stops)
-    tour = sequence(table)(list(range(len(stops))))
+def solve(stops, usable, true_factor=1.0, sortie_cost=0.0, keep_order=False, raised=1.0, bases=(BASE,)):
+    """The runs from several bases, and what was built: numbers of bases and orders."""
+    tables = [Plane(stops, base) for base in bases]
+    tour = sequence(tables[0])(list(range(len(stops))))
     built = []
 
-    def build(order):
-        built.append(order)
-        return order
+    def build(base, order):
+        built.append((base, order))
+        return base, order
 
     runs = find_sorties(
-        table,
-        tour,
+        tables,
+        [tour, *(sequence(table)(tour) for table in tables[1:] if not keep_order)],
         usable,
         build,
-        lambda order: true_factor * table.cost(order),
+        lambda sortie: true_factor * tables[sortie[0]].cost(sortie[1]),
         [f"V{k}" for k in range(len(stops))],
         raised=raised,
         sortie_cost=sortie_cost,
-        resequence=None if keep_order else sequence(table),
+        resequence=None if keep_order else lambda base, run: sequence(tables[base])(run),
     )
-    return table, tour, runs, built
+    assert all(run.built == (run.base, run.order) for run in runs)
+    return tables[0], tour, runs, built
 
 
 def partitions(items):
@@ -86,10 +96,11 @@ def partitions(items):
             yield [*part[:k], [first, *part[k]], *part[k + 1 :]]
 
 
-def cheapest(table, usable, sortie_cost):
-    n = len(table.stops_m)
+def cheapest(tables, usable, sortie_cost):
+    """Of all ways to share the stops between sorties, all orders in each, and all bases of each."""
+    n = len(tables[0].stops_m)
     best_of = {
-        group: min(table.cost(order) for order in itertools.permutations(group))
+        group: min(table.cost(order) for table in tables for order in itertools.permutations(group))
         for size in range(1, n + 1)
         for group in itertools.combinations(range(n), size)
     }
@@ -111,8 +122,67 @@ def test_near_the_cheapest_of_all_ways(seed):
     assert sorted(k for run in runs for k in run.order) == list(range(6))
     assert all(run.energy_wh <= usable for run in runs)
     found = sum(table.cost(run.order) + 2.0 for run in runs)
-    least = cheapest(table, usable, 2.0)
+    least = cheapest([table], usable, 2.0)
     assert least - 1e-9 <= found <= 1.12 * least
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_near_the_cheapest_of_all_ways_from_all_bases(seed):
+    rng = np.random.default_rng(50 + seed)
+    stops, bases = rng.uniform(-10, 10, (6, 3)), [BASE, *rng.uniform(-12, 12, (2, 3))]
+    tables = [Plane(stops, base) for base in bases]
+    usable = 1.4 * max(min(table.cost([k]) for table in tables) for k in range(6))
+    _, _, runs, _ = solve(stops, usable, sortie_cost=2.0, bases=bases)
+    assert sorted(k for run in runs for k in run.order) == list(range(6))
+    assert all(run.energy_wh <= usable for run in runs)
+    found = sum(tables[run.base].cost(run.order) + 2.0 for run in runs)
+    least = cheapest(tables, usable, 2.0)
+    assert least - 1e-9 <= found <= 1.12 * least
+    assert [run.base for run in runs] == sorted(run.base for run in runs)
+
+
+def test_stops_near_another_base_are_visited_from_there():
+    stops = np.array([[2.0, 0, 0], [98, 0, 0], [3, 1, 0], [99, 1, 0]])
+    _, _, runs, _ = solve(stops, 20.0, bases=(BASE, [100.0, 0, 0]))
+    assert [(run.base, set(run.order)) for run in runs] == [(0, {0, 2}), (1, {1, 3})]
+
+
+def test_a_stop_that_only_another_base_reaches_is_no_refusal():
+    stops = np.array([[1.0, 0, 0], [11, 0, 0]])
+    _, _, runs, _ = solve(stops, 20.0, bases=(BASE, [14.0, 0, 0]))
+    assert [(run.base, run.order) for run in runs] == [(0, (0,)), (1, (1,))]
+    with pytest.raises(InfeasibleError, match=r"viewpoint V1.*20\.0 Wh.*18\.0 Wh"):
+        solve(stops, 18.0, bases=(BASE, [21.0, 0, 0]))
+
+
+def test_the_order_is_that_of_a_tour_from_its_base():
+    """From the first base one sortie is too much; the one from the second begins on its side."""
+    stops = np.array([[40.0, 0, 0], [50, 0, 0], [60, 0, 0], [70, 0, 0], [45, 1, 0], [65, 1, 0]])
+    bases = (BASE, [30.0, 30, 0], [80.0, 0, 0])
+    table, _, runs, _ = solve(stops, 110.0, bases=bases)
+    (run,) = runs
+    assert run.base == 2
+    assert Plane(stops, bases[2]).cost(run.order) == pytest.approx(
+        min(Plane(stops, bases[2]).cost(order) for order in itertools.permutations(range(6)))
+    )
+    assert table.cost(run.order) > 110.0
+
+
+def test_bases_that_are_no_nearer_are_not_used():
+    stops = np.random.default_rng(9).uniform(-10, 10, (15, 3))
+    alone, beside = solve(stops, 60.0), solve(stops, 60.0, bases=(BASE, BASE, [300.0, 0, 0]))
+    assert [run.order for run in beside[2]] == [run.order for run in alone[2]]
+    assert {run.base for run in beside[2]} == {0}
+
+
+def test_with_other_bases_estimates_are_raised_too():
+    stops = np.random.default_rng(3).uniform(-20, 20, (25, 3))
+    bases = (BASE, [18.0, 0, 0], [-18.0, 0, 0])
+    _, _, runs, built = solve(stops, 90.0, true_factor=1.3, bases=bases)
+    assert all(run.energy_wh <= 90.0 for run in runs)
+    assert sorted(k for run in runs for k in run.order) == list(range(25))
+    assert len(built) == len(set(built))
+    assert len({run.base for run in runs}) > 1
 
 
 def test_the_given_order_is_kept():
@@ -120,6 +190,24 @@ def test_the_given_order_is_kept():
     stops = rng.uniform(-10, 10, (20, 3))
     _, tour, runs, _ = solve(stops, 60.0, keep_order=True)
     assert [k for run in runs for k in run.order] == list(tour)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_the_given_order_is_cut_at_least_cost_from_all_bases(seed):
+    rng = np.random.default_rng(70 + seed)
+    stops, bases = rng.uniform(-10, 10, (6, 3)), [BASE, *rng.uniform(-12, 12, (2, 3))]
+    tables = [Plane(stops, base) for base in bases]
+    usable = 1.3 * max(min(table.cost([k]) for table in tables) for k in range(6))
+    _, tour, runs, _ = solve(stops, usable, sortie_cost=2.0, keep_order=True, bases=bases)
+    least = math.inf
+    for marks in itertools.product([False, True], repeat=5):
+        edges = [0, *(k + 1 for k, mark in enumerate(marks) if mark), 6]
+        parts = [tour[a:b] for a, b in itertools.pairwise(edges)]
+        costs = [[c for t in tables if (c := t.cost(part)) <= usable] for part in parts]
+        if all(costs):
+            least = min(least, sum(min(own) + 2.0 for own in costs))
+    assert [k for run in runs for k in run.order] == list(tour)
+    assert sum(tables[run.base].cost(run.order) + 2.0 for run in runs) == pytest.approx(least)
 
 
 def test_improving_never_makes_it_dearer():

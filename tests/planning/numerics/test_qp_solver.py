@@ -47,6 +47,18 @@ def test_every_solver_finds_point_and_multipliers(nearest, solver):
     assert answer.gap < 1e-5
 
 
+@pytest.mark.parametrize("solver", general_solvers(), ids=lambda s: s.name)
+def test_rows_with_one_bound_only_push_to_one_side(nearest, solver):
+    one_sided = replace(nearest, low=np.array([-np.inf, -np.inf, 0.0]), high=np.array([1.0, np.inf, np.inf]))
+    answer = solver.solve(one_sided)
+    assert answer.solved
+    np.testing.assert_allclose(answer.x, ANSWER, atol=1e-5)
+    np.testing.assert_allclose(answer.multipliers, MULTIPLIERS, atol=1e-5)
+    assert answer.gap < 1e-5
+    # A bound that there is not cannot be what an answer leans on.
+    assert evidence(one_sided, ANSWER, np.array([1.0, 0.0, 1.5]))[1] >= 1.5
+
+
 def test_the_exact_answer_has_no_violation_and_no_gap(nearest):
     assert evidence(nearest, ANSWER, MULTIPLIERS) == (0.0, 0.0)
 

@@ -16,7 +16,8 @@ from gcs.planning.paths.string_pulling import path_length
 from gcs.planning.scene.distance_field import build_distance_field
 from gcs.planning.scene.free_space import SPOT_RADIUS_M, FreeSpace
 from gcs.planning.scene.point_distance import SceneDistance
-from gcs.planning.trajectories.safe_corridor import build_corridor, corridor_reach, stop_box
+from gcs.planning.trajectories.box_corridor import stop_box
+from gcs.planning.trajectories.safe_corridor import build_corridor, corridor_reach
 from gcs.planning.trajectories.time_allocation import FlightLimits, time_legs
 from gcs.planning.trajectories.trajectory_builder import longest_segment_m
 

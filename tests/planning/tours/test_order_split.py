@@ -1,4 +1,4 @@
-"""Cuts of an order against every cut there is."""
+"""Cuts of an order against every cut there is, from every home."""
 
 import itertools
 import math
@@ -6,7 +6,7 @@ import math
 import numpy as np
 import pytest
 
-from gcs.planning.tours.order_split import OrderCosts, share_order, split_order
+from gcs.planning.tours.order_split import Cut, OrderCosts, share_order, split_order
 
 
 def random_costs(rng, n, stops=None):
@@ -34,7 +34,7 @@ def test_the_cheapest_of_all_cuts(seed):
     run_cost = float(rng.uniform(0, 3))
     singles = max(total(uses, [slice(k, k + 1)]) for k in range(n))
     limit = singles * float(rng.uniform(1.0, 2.0))
-    found = split_order(costs, uses, limit, run_cost)
+    found = [run.stops for run in split_order([costs], [uses], limit, run_cost)]
     allowed = [runs for runs in every_cut(n) if all(total(uses, [r]) <= limit for r in runs)]
     least = min(total(costs, runs) + run_cost * len(runs) for runs in allowed)
     assert total(costs, found) + run_cost * len(found) == pytest.approx(least)
@@ -46,12 +46,41 @@ def test_a_stop_that_uses_too_much_on_its_own():
     costs = random_costs(np.random.default_rng(1), 5)
     costs = OrderCosts(costs.out, costs.between, costs.out)
     limit = max(costs.of_run(k, k) for k in range(5)) * 0.999
-    assert split_order(costs, costs, limit) is None
+    assert split_order([costs], [costs], limit) is None
 
 
 def test_enough_for_all_is_one_run():
     costs = random_costs(np.random.default_rng(2), 6)
-    assert split_order(costs, costs, math.inf, 1.0) == [slice(0, 6)]
+    assert split_order([costs, costs], [costs, costs], math.inf, 1.0) == [Cut(0, slice(0, 6))]
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_the_cheapest_of_all_cuts_and_all_homes(seed):
+    rng = np.random.default_rng(200 + seed)
+    n, homes = int(rng.integers(2, 8)), int(rng.integers(2, 4))
+    stops = rng.uniform(0, 10, (n, 2))
+    costs = [random_costs(rng, n, stops) for _ in range(homes)]
+    uses = [random_costs(rng, n, stops) for _ in range(homes)]
+    run_cost = float(rng.uniform(0, 3))
+    singles = max(min(total(own, [slice(k, k + 1)]) for own in uses) for k in range(n))
+    limit = singles * float(rng.uniform(1.0, 2.0))
+    found = split_order(costs, uses, limit, run_cost)
+    least = min(
+        sum(total(costs[home], [run]) + run_cost for home, run in zip(chosen, runs, strict=True))
+        for runs in every_cut(n)
+        for chosen in itertools.product(range(homes), repeat=len(runs))
+        if all(total(uses[home], [run]) <= limit for home, run in zip(chosen, runs, strict=True))
+    )
+    assert sum(total(costs[run.base], [run.stops]) + run_cost for run in found) == pytest.approx(least)
+    assert all(total(uses[run.base], [run.stops]) <= limit * (1 + 1e-12) for run in found)
+    assert [k for run in found for k in range(n)[run.stops]] == list(range(n))
+
+
+def test_a_stop_that_only_another_home_is_near_enough_to():
+    far = OrderCosts(np.array([1.0, 9.0]), np.array([8.0]), np.array([1.0, 9.0]))
+    near = OrderCosts(np.array([9.0, 1.0]), np.array([8.0]), np.array([9.0, 1.0]))
+    assert split_order([far, near], [far, near], 4.0) == [Cut(0, slice(0, 1)), Cut(1, slice(1, 2))]
+    assert split_order([far], [far], 4.0) is None
 
 
 @pytest.mark.parametrize("seed", range(12))

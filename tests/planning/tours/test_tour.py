@@ -119,6 +119,25 @@ def test_a_stop_that_cannot_be_reached_is_named(space):
         find_tour(space, HOME, stops, PlannerOptions(), leg_time)
 
 
+def test_a_stop_behind_a_narrow_door_is_named_with_the_clearance_that_leads_in():
+    walls = [
+        [(-6, -6, 0), (-5, 6, 13)],
+        [(-5, -6, 0), (6, -5, 13)],
+        [(-5, 5, 0), (6, 6, 13)],
+        [(-5, -5, 12), (6, 5, 13)],
+        [(5, -5, 0), (6, -1.5, 12)],
+        [(5, 1.5, 0), (6, 5, 12)],
+    ]  # a room whose door, 3 m wide, is all there is of the east wall
+    mesh = trimesh.util.concatenate([trimesh.creation.box(bounds=np.array(w, dtype=float)) for w in walls])
+    structure = Structure(np.array(mesh.vertices, float), np.array(mesh.faces, np.int64))
+    field = build_distance_field(structure, LOW, HIGH, 0.25)
+    stops = [[-12.0, 0.0, 6.0], [0.0, 0.0, 6.0]]
+    with pytest.raises(InfeasibleError, match=r"viewpoint IN: .* with (1\.[0-4]\d) m it could be reached") as refused:
+        find_tour(FreeSpace(field, 2.0, 0.0, HOME), HOME, stops, PlannerOptions(), leg_time, names=["OUT", "IN"])
+    told = float(refused.value.message.split("; with ")[1].split(" m")[0])
+    assert len(find_tour(FreeSpace(field, told - 0.01, 0.0, HOME), HOME, stops, PlannerOptions(), leg_time).order) == 2
+
+
 def test_nothing_to_visit_is_said(space):
     with pytest.raises(InfeasibleError, match="nothing to visit"):
         find_tour(space, HOME, np.zeros((0, 3)), PlannerOptions(), leg_time)

@@ -7,8 +7,11 @@ import pytest
 
 from gcs.core.errors import InfeasibleError, InputError
 from gcs.core.progress import SilentProgress
-from gcs.planning.numerics.qp_solver import default_solvers
-from gcs.planning.trajectories.minimum_snap import check_corridor, minimum_snap
+from gcs.planning.numerics.chain_qp import ChainSolver
+from gcs.planning.numerics.qp_solver import PiqpSolver, default_solvers
+from gcs.planning.trajectories.convex_set import outside_m
+from gcs.planning.trajectories.corridor_checks import check_corridor
+from gcs.planning.trajectories.minimum_snap import minimum_snap
 from gcs.planning.trajectories.safe_corridor import LegCorridor, build_corridor
 from gcs.planning.trajectories.time_allocation import FlightLimits, time_legs
 
@@ -59,6 +62,51 @@ def test_an_empty_box_is_named(corridor):
 def test_a_stop_outside_its_box_is_named(corridor):
     refused(changed(corridor, 0, low=[0.5 + 0.25, 0, 0]), InfeasibleError, "segment 0 .* 0.25 m outside")
     refused(changed(corridor, -1, high=[0, -0.75, 0]), InfeasibleError, "segment 5 .* 0.25 m outside")
+
+
+@pytest.fixture
+def tubes():
+    return build_corridor(LEG, 0.5, 2.0, kind="tubes")
+
+
+def cut(leg, segment, normal, offset):
+    """One more plane for a segment's set."""
+    planes = list(leg.planes)
+    planes[segment] = np.vstack([planes[segment], [*normal, offset]])
+    return replace(leg, planes=tuple(planes))
+
+
+def test_sets_that_do_not_meet_are_named(tubes):
+    # Tubes 2 and 3 share the corner at (6, 0); tube 3 from y = 0.75 on is free of tube 2, which ends at 0.5.
+    refused(cut(tubes, 3, [0, -1, 0], -0.75), InfeasibleError, "segments 2 and 3 .* they do not meet")
+
+
+def test_sets_that_meet_in_less_than_the_tolerance_are_named(tubes):
+    refused(cut(tubes, 3, [0, -1, 0], -0.5 + 6e-6), InfeasibleError, "segments 2 and 3 .* share only 6e-06 m")
+
+
+def test_sets_that_meet_away_from_their_joint_are_connected(tubes):
+    leg = cut(tubes, 3, [0, -1, 0], -0.4)
+    check_corridor(leg)
+    times = np.ones(len(leg.planes))
+    for solver in (ChainSolver(), PiqpSolver()):
+        (control,) = minimum_snap([leg], [times], [solver])
+        assert outside_m(control, leg.planes) == 0.0
+
+
+def test_a_set_narrower_than_the_tolerance_and_an_empty_one_are_named(tubes):
+    slim = cut(cut(tubes, 4, [0, 0, 1], 5 + 1e-6), 4, [0, 0, -1], -5 + 1e-6)
+    refused(slim, InfeasibleError, "segment 4 .* 2e-06 m wide")
+    refused(cut(tubes, 1, [1, 0, 0], 0.0), InfeasibleError, "segment 1 .* wide")
+
+
+def test_a_stop_outside_its_set_is_named(tubes):
+    refused(cut(tubes, 0, [-1, 0, 0], -0.25), InfeasibleError, "segment 0 .* 0.25 m outside its set")
+    refused(cut(tubes, -1, [0, 1, 0], 5.25), InfeasibleError, "segment 5 .* 0.75 m outside its set")
+
+
+def test_planes_that_are_not_finite_are_named(tubes):
+    refused(cut(tubes, 2, [np.nan, 0, 0], 1.0), InputError, "segment 2 .* not finite")
 
 
 @pytest.mark.parametrize("bad", [np.nan, np.inf])

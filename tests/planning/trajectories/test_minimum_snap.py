@@ -9,8 +9,9 @@ from scipy.optimize import minimize
 from gcs.planning.numerics.bernstein import monomial_from_control
 from gcs.planning.numerics.chain_qp import ChainSolver
 from gcs.planning.numerics.qp_solver import ClarabelSolver, OsqpSolver, PiqpSolver, SolverError, default_solvers
-from gcs.planning.trajectories.minimum_snap import minimum_snap, rest_to_rest_cost, snap_cost
+from gcs.planning.trajectories.minimum_snap import minimum_snap
 from gcs.planning.trajectories.safe_corridor import LegCorridor, build_corridor
+from gcs.planning.trajectories.snap_chain import rest_to_rest_cost, snap_cost
 
 REST_TO_REST = np.array([0, 0, 0, 0, 35, -84, 70, -20.0])
 

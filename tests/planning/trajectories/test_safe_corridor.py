@@ -8,8 +8,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gcs.core.errors import InputError
+from gcs.planning.trajectories.box_corridor import COLUMN_HALF_WIDTH_M
 from gcs.planning.trajectories.deviation import PolylineDistance
-from gcs.planning.trajectories.safe_corridor import COLUMN_HALF_WIDTH_M, build_corridor, corridor_reach
+from gcs.planning.trajectories.safe_corridor import build_corridor, corridor_reach
 
 COORDINATE = st.one_of(st.floats(-30, 30), st.floats(-0.2, 0.2)).map(lambda x: round(x, 2))
 

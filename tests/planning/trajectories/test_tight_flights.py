@@ -5,7 +5,8 @@ import pytest
 
 from gcs.core.inspection import NamedPoint
 from gcs.core.progress import SilentProgress
-from gcs.planning.planner import plan_rest, plan_tour, prepare_scene
+from gcs.planning.flights.flight_scene import prepare_scene
+from gcs.planning.planner import plan_rest, plan_tour
 from gcs.planning.trajectories.safe_corridor import corridor_reach
 from gcs.planning.trajectories.stream_loss import slow_for_stream_loss
 from gcs.planning.views.viewpoint_pose import pose_towards

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from gcs.core.errors import InputError
-from gcs.planning.trajectories.minimum_snap import rest_to_rest_cost
+from gcs.planning.trajectories.snap_chain import rest_to_rest_cost
 from gcs.planning.trajectories.unconstrained_minimum_snap import (
     MOST_UNEVEN,
     minimum_jerk_spline,

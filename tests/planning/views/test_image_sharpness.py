@@ -8,7 +8,7 @@ import pytest
 from gcs.core.plan import Plan
 from gcs.core.progress import SilentProgress
 from gcs.planning.certificates import CertificateError, certify, check_sharpness, recheck
-from gcs.planning.views.image_sharpness import measure_sharpness
+from gcs.planning.views.image_sharpness import measure_sharpness, passing_speeds_m_s
 
 CARRIED = {"coverage": None, "tour_cost": 1.0, "tour_lower_bound": 0.9, "energy_wh": 5.0, "open_sky": 1.0}
 
@@ -124,3 +124,39 @@ def test_a_plan_with_a_slower_shutter_is_found_out(tower_flight, tower_scenario,
     slow = changed(tower_scenario, exposure_s=1 / 20)
     checks = recheck(plan_with(tower_flight, slow, certificates), tower_distance)
     assert {check.name for check in checks if not check.ok} == {"max_blur_px", "recorded max_blur_px"}
+
+
+def flown_through(scenario, **camera):
+    planner = scenario.planner.model_copy(update={"viewpoints": "fly_through"})
+    return changed(scenario, **camera).model_copy(update={"planner": planner})
+
+
+def test_a_picture_in_flight_may_be_as_blurred_and_skewed_as_the_camera_says(tower_flight, tower_scenario):
+    """At the speed that is given for a view, blur or skew computed by hand is at its limit, drift counted in."""
+    scenario = flown_through(tower_scenario, exposure_s=1 / 400, shutter="rolling", readout_s=0.02, max_skew_px=3.0)
+    views = [replace(tower_flight.viewpoints[k], gsd_m=gsd) for k, gsd in enumerate((0.001, 0.002, 0.004))]
+    speeds = passing_speeds_m_s(views, scenario)
+    for view, speed in zip(views, speeds, strict=True):
+        blur, skew = (speed + 0.1) / 400 / view.gsd_m, (speed + 0.1) * 0.02 / view.gsd_m
+        assert max(blur / 1.0, skew / 3.0) == pytest.approx(1.0) or speed == 0.0
+    assert speeds[0] == 0.0, "0.05 m/s would not even cover the drift"
+    assert (speeds[1:] > 0).all()
+
+
+def test_the_vehicle_stops_where_blur_is_not_known_or_a_hold_is_asked(tower_flight, tower_scenario):
+    views = [replace(tower_flight.viewpoints[0], hold_s=3.0), *tower_flight.viewpoints[1:]]
+    assert not passing_speeds_m_s(views, flown_through(tower_scenario)).any()
+    assert not passing_speeds_m_s(views, flown_through(tower_scenario, exposure_s=1e-3, shutter="rolling")).any()
+    assert not passing_speeds_m_s(views, changed(tower_scenario, exposure_s=1e-3)).any(), "as it was not asked for"
+    assert (passing_speeds_m_s(views, flown_through(tower_scenario, exposure_s=1e-3)) > 0).tolist() == [
+        False,
+        True,
+        True,
+        True,
+    ]
+
+
+def test_a_picture_in_flight_of_unknown_blur_is_found(tower_flight, tower_scenario):
+    views = [replace(v, stops=v.id != 2) for v in tower_flight.viewpoints]
+    assert set(failures(tower_flight, tower_scenario, views)) == {"unjudged_blur"}
+    assert failures(tower_flight, changed(tower_scenario, exposure_s=1e-3), views) == {}

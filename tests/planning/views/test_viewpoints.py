@@ -10,8 +10,9 @@ import trimesh
 from gcs.core.errors import InfeasibleError, InputError, OperationCancelled
 from gcs.core.inspection import Inspection, NamedPoint, Region, SurfaceTask
 from gcs.core.progress import SilentProgress
+from gcs.core.scenario import Fence
 from gcs.core.structure import Structure
-from gcs.planning.planner import prepare_scene
+from gcs.planning.flights.flight_scene import prepare_scene
 from gcs.planning.scene.visibility import SightLines
 from gcs.planning.views.camera_footprint import faces_camera, in_image
 from gcs.planning.views.coverage import certify_coverage
@@ -187,6 +188,42 @@ def test_the_sample_crane_is_photographed_from_its_sides_under_the_open_sky():
         np.testing.assert_allclose(pose.direction, towards / np.linalg.norm(towards), atol=1e-9)
         assert -pose.direction @ np.array(point.normal) > 0.8
         assert pose.gsd_m < 0.0015
+
+
+def square(x, y, half):
+    return tuple((x + a * half, y + b * half) for a, b in ((-1, -1), (1, -1), (1, 1), (-1, 1)))
+
+
+@pytest.mark.parametrize(
+    ("fence", "said"),
+    [
+        (Fence(include=(square(0, 0, 60),), max_height_m=8.0), "the fence leaves out .*: raise its max_height_m"),
+        (Fence(include=(square(-20, -20, 9), square(12, 0, 6))), "the fence cuts off the stand-off places"),
+        (Fence(include=(square(-20, 0, 22),)), "the fence leaves out .*: widen it"),
+    ],
+    ids=["too-low", "in-two", "one-side"],
+)
+def test_a_fence_that_is_in_the_way_is_named(tower_scenario, tower, fence, said):
+    scenario = tower_scenario.model_copy(update={"fence": fence})
+    scene = prepare_scene(scenario, tower, QUIET)
+    with pytest.raises(InfeasibleError, match=rf"points\.P: {said}"):
+        find(scenario, tower, scene)
+
+
+def test_what_a_surface_was_planned_around_is_not_offered_for_change(tower_scenario, tower, tower_scene):
+    region = Region(min_m=(3, -5, 14), max_m=(5, 5, 20))
+    points = tower_scenario.inspection.points
+    scenarios = [
+        asking(tower_scenario, points=points, surface=surface)
+        for surface in (
+            None,
+            SurfaceTask(gsd_mm=GSD_MM, overlap=0.0, regions=(region,)),
+        )
+    ]
+    offered = [find_viewpoints(s, tower, tower_scene.space, tower_scene.distance, QUIET).others for s in scenarios]
+    assert list(offered[0]) == [0]
+    assert_can_be_flown(offered[0][0], scenarios[0], tower_scene)
+    assert offered[1] == {}
 
 
 def test_nothing_to_inspect_is_said(tower_scenario, tower, tower_scene):

@@ -15,7 +15,7 @@ from gcs.core.scenario import Fence
 from gcs.core.structure import Structure
 from gcs.core.structure_source import Cable
 from gcs.planning.face_certificate import recheck_faces
-from gcs.planning.planner import prepare_scene
+from gcs.planning.flights.flight_scene import prepare_scene
 from gcs.planning.scene.visibility import SightLines
 from gcs.planning.views.camera_footprint import faces_camera, in_image
 from gcs.planning.views.face_grid import face_cells

@@ -17,7 +17,7 @@ from gcs.planning.scene.free_space import EVERYWHERE
 from gcs.planning.scene.point_distance import SceneDistance
 from gcs.planning.scene.visibility import SightLines
 from gcs.planning.views.picture_limits import NearestPlace, nearest_place, nearest_sharp_m
-from gcs.planning.views.viewpoints_points import find_point_viewpoint, stand_off_m
+from gcs.planning.views.viewpoints_points import find_point_viewpoints, stand_off_m
 
 SENSOR = {
     "sensor_width_mm": 13.2,
@@ -51,7 +51,9 @@ class Room:
     def is_open_sky(self, points):
         return self._sky(np.asarray(points))
 
-    def largest_clearance_m(self, places):
+    def largest_clearance_m(self, places, fenced=True):
+        if not fenced and (self._distance.distance(places) >= self.clearance_m).any():
+            return self.clearance_m
         return 0.5 if len(places) else 0.0
 
 
@@ -73,8 +75,8 @@ def nearest(clearance_m, camera=CAMERA, position_error_m=0.0, **vehicle):
     return nearest_place(scenario, clearance_m)
 
 
-def find(structure, point, clearance=3.0, camera=CAMERA, place=None, **room):
-    return find_point_viewpoint(
+def find_all(structure, point, clearance=3.0, camera=CAMERA, place=None, **room):
+    return find_point_viewpoints(
         point,
         camera,
         place or nearest(clearance, camera),
@@ -82,6 +84,11 @@ def find(structure, point, clearance=3.0, camera=CAMERA, place=None, **room):
         SightLines(structure),
         furthest_m=40.0,
     )
+
+
+def find(*args, **kwargs):
+    """The best one."""
+    return find_all(*args, **kwargs)[0]
 
 
 def named(position=FACE, normal=(1, 0, 0), gsd_mm=None):
@@ -216,6 +223,45 @@ def test_a_fence_that_leaves_out_every_stand_off_place_is_named():
     with pytest.raises(InfeasibleError, match=r"points\.P7: the fence leaves out every stand-off place"):
         find(boxes(WALL), named(), fence=fence)
     find(boxes(WALL), named((-1.0, 0.0, 20.0), (-1, 0, 0)), fence=fence)
+
+
+def test_a_fence_that_is_too_low_is_not_called_the_gimbals_fault():
+    low = FenceVolume(np.zeros((0, 2)), np.zeros(1, np.int64), 0, 18.0, 0.5)
+    camera = Camera(**SENSOR, gimbal=Gimbal(pitch_max_deg=20))  # from 17.5 m and at most 6 m away it looks up steeper
+    with pytest.raises(InfeasibleError, match=r"points\.P7: the fence leaves out .*: raise its max_height_m"):
+        find(boxes(WALL), named(), camera=camera, fence=low)
+    find(boxes(WALL), named(), camera=camera, fence=low._replace(max_height_m=21.0))
+
+
+def test_a_fence_is_not_blamed_for_what_would_be_the_same_without_it():
+    wide = FenceVolume(np.zeros((0, 2)), np.zeros(1, np.int64), 0, 22.0, 0.5)
+    with pytest.raises(InfeasibleError, match=r"points\.P7: every stand-off place .* is inside the structure"):
+        find(boxes(((0, 0, 20), (7, 7, 38))), named((3.5, 0, 20), (-1, 0, 0)), clearance=4.0, fence=wide)
+
+
+@pytest.mark.parametrize("gsd_mm", [None, 4.0])
+def test_others_that_are_offered_keep_every_limit_and_are_well_apart(gsd_mm):
+    pole, point = ((7, 3, 20), (0.2, 0.2, 40)), named(gsd_mm=gsd_mm)
+    structure, camera = boxes(WALL, pole), Camera(**SENSOR, gimbal=Gimbal(pitch_min_deg=-20, pitch_max_deg=15))
+    sky = {"sky": lambda p: p[:, 2] > 19.0}
+    poses = find_all(structure, point, camera=camera, **sky)
+    assert 4 <= len(poses) <= 6
+    places = np.array([p.position_m for p in poses])
+    apart = np.linalg.norm(places[:, None] - places[None], axis=2)[np.triu_indices(len(poses), 1)]
+    assert apart.min() >= 0.5
+    assert (SceneDistance(structure, 0.0).distance(places) >= 3.0 - 1e-6).all()
+    assert SightLines(structure).clear(places, np.broadcast_to(FACE, places.shape), 0.02).all()
+    assert sky["sky"](places).all()
+    best = np.linalg.norm(places[0] - FACE)
+    for pose in poses:
+        towards = np.array(FACE) - pose.position_m
+        np.testing.assert_allclose(pose.direction, towards / np.linalg.norm(towards), atol=1e-12)
+        assert -20.001 <= math.degrees(pose.gimbal_pitch_rad) <= 15.001
+        assert tilt_deg(pose, point) <= 30.001
+        assert pose.gsd_m == pytest.approx(camera.gsd_at(np.linalg.norm(towards)))
+        assert best / 1.2001 <= np.linalg.norm(towards) <= 1.2001 * best
+        assert gsd_mm is None or pose.gsd_m <= gsd_mm / 1000 + 1e-12
+        assert pose.name == "P7"
 
 
 @pytest.mark.parametrize(("pitch_max_deg", "possible"), [(30, False), (40, True), (90, True)])

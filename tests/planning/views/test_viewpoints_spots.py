@@ -6,7 +6,7 @@ import pytest
 from gcs.core.inspection import Inspection, Spot, SurfaceTask
 from gcs.core.progress import SilentProgress
 from gcs.core.surface_coverage import Verdict
-from gcs.planning.planner import prepare_scene
+from gcs.planning.flights.flight_scene import prepare_scene
 from gcs.planning.scene.visibility import SightLines
 from gcs.planning.views.viewpoints_spots import count_spots, find_spot_viewpoints, judge_spots
 

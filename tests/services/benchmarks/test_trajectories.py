@@ -12,10 +12,11 @@ from gcs.services.benchmarks.trajectories import run
 
 def test_quick_rows_stay_in_the_corridor_at_the_references_cost():
     rows = {(row.case, row.figure): row for row in run(True)}
-    assert rows["corridor-50", "violation_m"].value == 0.0
-    assert abs(rows["corridor-50", "cost_error"].value) < 1e-3
-    assert rows["corridor-50", "ms"].value > 0
-    assert rows["corridor-50", "ms"].reference == "PIQP"
+    for case in ("corridor-50", "tubes-50", "polytopes-50"):
+        assert rows[case, "violation_m"].value == 0.0
+        assert abs(rows[case, "cost_error"].value) < 1e-3
+        assert rows[case, "ms"].value > 0
+        assert rows[case, "ms"].reference == "PIQP"
     assert rows["fly-rows-slow", "over_time_optimal"].value < 1.15
     assert rows["stop-slow", "over_time_optimal"].value < 1.4
     assert rows["plan-20", "total_s"].value > 0

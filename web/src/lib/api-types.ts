@@ -19,7 +19,9 @@ export interface paths {
         put?: never;
         /**
          * Create Flight
-         * @description Prepare a flight of a plan by a vehicle; nothing is sent to the vehicle.
+         * @description Prepare a flight of a plan by a vehicle; nothing is changed on the vehicle.
+         *
+         *     Without a mode the vehicle is asked for its settings, and the way to fly is chosen by what is predicted of both.
          */
         post: operations["createFlight"];
         delete?: never;
@@ -407,6 +409,30 @@ export interface paths {
          * @description Close a link and forget it.
          */
         delete: operations["closeLink"];
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/api/links/{link_id}/signing": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        get?: never;
+        put?: never;
+        /**
+         * Set Up Signing
+         * @description Give a disarmed vehicle a new signing key over a link, in place of its old one, and prove that it took it.
+         */
+        post: operations["setUpSigning"];
+        /**
+         * Remove Signing
+         * @description Have a disarmed vehicle forget its signing key; the link is unsigned from then on.
+         */
+        delete: operations["removeSigning"];
         options?: never;
         head?: never;
         patch?: never;
@@ -1015,11 +1041,11 @@ export interface components {
         FlightPath: "mission" | "offboard";
         /**
          * FlightRequest
-         * @description Prepare a flight; nothing is sent to the vehicle.
+         * @description Prepare a flight; nothing is changed on the vehicle.
          */
         FlightRequest: {
-            /** @default mission */
-            mode: components["schemas"]["FlightPath"];
+            /** @description Chosen by the prediction with the vehicle's own settings when it is left out. */
+            mode?: components["schemas"]["FlightPath"] | null;
             /** Plan Id */
             plan_id: string;
             /** Vehicle */
@@ -1175,6 +1201,8 @@ export interface components {
             peers: string[];
             /** Problem */
             problem: string | null;
+            /** @description Null when the link is not signed. */
+            signing?: components["schemas"]["SigningInfo"] | null;
             /**
              * State
              * @description down: opened, but the other side is away and it is tried again; failed: it could not be opened.
@@ -1438,6 +1466,11 @@ export interface components {
             /** Path Length M */
             path_length_m: number;
             /**
+             * Predictions
+             * @description Of vehicles with their autopilot's usual settings.
+             */
+            predictions?: components["schemas"]["PredictionInfo"][];
+            /**
              * Sorties
              * @description The flights, when one battery is not enough for all; else empty.
              */
@@ -1464,6 +1497,8 @@ export interface components {
             tour_lower_bound: number;
             /** Tour Metric */
             tour_metric: string;
+            /** @description None for several sorties, which have their own, and in reports of earlier releases. */
+            tracking?: components["schemas"]["TrackingReport"] | null;
             /** Viewpoints */
             viewpoints: number;
             /**
@@ -1522,6 +1557,40 @@ export interface components {
             state: components["schemas"]["PlanState"];
         };
         /**
+         * PredictionInfo
+         * @description Both ways to fly a plan on one kind of autopilot, and which is better.
+         */
+        PredictionInfo: {
+            /** Autopilot */
+            autopilot: string;
+            /**
+             * Basis
+             * @description What of the vehicle is known for it, and what is only usual.
+             * @default
+             */
+            basis: string;
+            choice: components["schemas"]["FlightPath"];
+            /** @description Flown by the autopilot alone. */
+            mission: components["schemas"]["WayForecast"];
+            /**
+             * Mission Items
+             * @description None in reports of earlier releases.
+             */
+            mission_items?: number | null;
+            /**
+             * Needed Clearance M
+             * @description What either way must keep.
+             */
+            needed_clearance_m: number;
+            /** @description As setpoints from the station. */
+            offboard: components["schemas"]["WayForecast"];
+            /**
+             * Why
+             * @description The choice in a sentence.
+             */
+            why: string;
+        };
+        /**
          * PreflightCheck
          * @description One thing that was compared before arming.
          */
@@ -1554,6 +1623,8 @@ export interface components {
             flight_id: string;
             /** Ok */
             ok: boolean;
+            /** @description Of both ways, with the vehicle's own settings; null when its way of flying is not known. */
+            prediction: components["schemas"]["PredictionInfo"] | null;
         };
         /**
          * Problem
@@ -1768,6 +1839,68 @@ export interface components {
             type: "replan";
         };
         /**
+         * SigningInfo
+         * @description How signing of a link goes.
+         */
+        SigningInfo: {
+            /**
+             * Good
+             * @description Packets signed with the link's key.
+             */
+            good: number;
+            /**
+             * Past
+             * @description Signed by a clock in the past.
+             */
+            past: number;
+            /**
+             * Problem
+             * @description What went wrong in the last seconds, and what to do.
+             */
+            problem: string | null;
+            /** Rejects Unsigned */
+            rejects_unsigned: boolean;
+            /**
+             * Repeated
+             * @description Signed, but no newer than one that was heard before.
+             */
+            repeated: number;
+            /** Unsigned */
+            unsigned: number;
+            /** Wrong Key */
+            wrong_key: number;
+        };
+        /**
+         * SigningRequest
+         * @description Give a vehicle a signing key, over a link that nobody else can hear: the key goes there unencrypted.
+         */
+        SigningRequest: {
+            /**
+             * Rejects Unsigned
+             * @description Whether unsigned packets are refused from then on.
+             * @default true
+             */
+            rejects_unsigned: boolean;
+            /**
+             * Vehicle
+             * @description Its name; it must be disarmed.
+             */
+            vehicle: string;
+        };
+        /**
+         * SigningResult
+         * @description What came of giving a vehicle a key.
+         */
+        SigningResult: {
+            /**
+             * Proved
+             * @description Signed questions were answered, and unsigned ones were not.
+             */
+            proved: boolean;
+            /** Words */
+            words: string;
+        };
+        /**
          * SnapshotMessage
          * @description All that is known now.
          */
@@ -1824,7 +1957,7 @@ export interface components {
         StartRequest: {
             /**
              * Accept
-             * @description Names of failsafes that are switched off and accepted by the operator.
+             * @description Names of checks that the operator accepts; NAME=VALUE sets a failsafe instead.
              * @default []
              */
             accept: string[];
@@ -1955,6 +2088,60 @@ export interface components {
             points: components["schemas"]["TrackSample"][];
         };
         /**
+         * TrackingReport
+         * @description How closely a rigid body of the vehicle's mass could fly the curve in light gusts, and what its motors give.
+         */
+        TrackingReport: {
+            /**
+             * Axes M
+             * @description Largest position error east, north and up.
+             */
+            axes_m: [
+                number,
+                number,
+                number
+            ];
+            /**
+             * Deviation M
+             * @description Largest distance from the curve.
+             */
+            deviation_m: number;
+            /**
+             * Distance M
+             * @description Largest distance from where it is to be at that moment.
+             */
+            distance_m: number;
+            /** Gusts M S */
+            gusts_m_s: number;
+            /** Mass Kg */
+            mass_kg: number;
+            /** Mean Deviation M */
+            mean_deviation_m: number;
+            /**
+             * Most Thrust N
+             * @description What one motor can give.
+             */
+            most_thrust_n: number;
+            /**
+             * Saturated Share
+             * @description Share of the time in which a motor gives all that it can.
+             */
+            saturated_share: number;
+            /**
+             * Thrust N
+             * @description Least and largest thrust of a motor.
+             */
+            thrust_n: [
+                number,
+                number
+            ];
+            /**
+             * Yaw Rad
+             * @description Largest error of the heading.
+             */
+            yaw_rad: number;
+        };
+        /**
          * TrackMessage
          * @description New points of a flown path.
          */
@@ -2032,7 +2219,7 @@ export interface components {
         UploadRequest: {
             /**
              * Accept
-             * @description Names of failsafes that are switched off and accepted by the operator.
+             * @description Names of checks that the operator accepts; NAME=VALUE sets a failsafe instead.
              * @default []
              */
             accept: string[];
@@ -2068,6 +2255,11 @@ export interface components {
             gimbal_pitch_deg: components["schemas"]["Reading_float_"] | null;
             gps_fix: components["schemas"]["Reading_int_"] | null;
             home: components["schemas"]["Reading_GeoPosition_"] | null;
+            /**
+             * Id Clash
+             * @description How two vehicles with its system id were told apart; it is not commanded then.
+             */
+            id_clash?: string | null;
             landed: components["schemas"]["Reading_str_"] | null;
             /** Last Heard Age S */
             last_heard_age_s: number | null;
@@ -2078,6 +2270,11 @@ export interface components {
             link_quality: number | null;
             /** @description ENU about the estimator's own origin, not the scene's. */
             local_position_m: components["schemas"]["Reading_tuple_float__float__float__"] | null;
+            /**
+             * Mavlink Version
+             * @description Of its heartbeats: one that sends MAVLink 1 is heard, but may not understand us.
+             */
+            mavlink_version?: number | null;
             /** Messages Per S */
             messages_per_s: number;
             mission: components["schemas"]["Reading_MissionPosition_"] | null;
@@ -2104,6 +2301,12 @@ export interface components {
             vehicle_type: number;
             /** @description ENU. */
             velocity_m_s: components["schemas"]["Reading_tuple_float__float__float__"] | null;
+            /**
+             * Ways
+             * @description The links on which it is heard, the one that is used first.
+             * @default []
+             */
+            ways: components["schemas"]["WayInfo"][];
             /** @description From east, counter-clockwise. */
             yaw_deg: components["schemas"]["Reading_float_"] | null;
         };
@@ -2143,7 +2346,7 @@ export interface components {
         };
         /**
          * ViewpointInfo
-         * @description A place from which one picture is taken, at standstill.
+         * @description A place from which one picture is taken.
          */
         ViewpointInfo: {
             /** Direction */
@@ -2194,6 +2397,80 @@ export interface components {
             miss_m: number | null;
             /** Viewpoint Id */
             viewpoint_id: number;
+        };
+        /**
+         * WayForecast
+         * @description How one way to fly a plan is predicted to go.
+         */
+        WayForecast: {
+            /**
+             * At S
+             * @description When.
+             */
+            at_s: number;
+            /**
+             * Finished
+             * @description Whether the flight comes to its end.
+             */
+            finished: boolean;
+            /** Max Deviation M */
+            max_deviation_m: number;
+            /**
+             * Mean Deviation M
+             * @description From the plan's curve.
+             */
+            mean_deviation_m: number;
+            /**
+             * Min Clearance M
+             * @description Hull to the nearest surface, cable or the ground.
+             */
+            min_clearance_m: number;
+            /**
+             * Place M
+             * @description Where that is.
+             */
+            place_m: [
+                number,
+                number,
+                number
+            ];
+            /**
+             * Time S
+             * @description From take-off to the ground.
+             */
+            time_s: number;
+            /**
+             * Waits S
+             * @description How much of it the mission stands still for pictures.
+             */
+            waits_s: number;
+        };
+        /**
+         * WayInfo
+         * @description A link on which a vehicle is heard.
+         */
+        WayInfo: {
+            /**
+             * Age S
+             * @description Since the last packet.
+             */
+            age_s: number;
+            /**
+             * Loss
+             * @description Share of its packets lost on the way lately, when there is more than one.
+             */
+            loss: number | null;
+            /** Peer */
+            peer: string;
+            /** Round Trip S */
+            round_trip_s: number | null;
+            /** Url */
+            url: string;
+            /**
+             * Used
+             * @description Whether messages to the vehicle go this way.
+             */
+            used: boolean;
         };
     };
     responses: never;
@@ -2888,6 +3165,72 @@ export interface operations {
     closeLink: {
         parameters: {
             query?: never;
+            header?: never;
+            path: {
+                link_id: string;
+            };
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description Successful Response */
+            204: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content?: never;
+            };
+            /** @description What went wrong. */
+            default: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+        };
+    };
+    setUpSigning: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path: {
+                link_id: string;
+            };
+            cookie?: never;
+        };
+        requestBody: {
+            content: {
+                "application/json": components["schemas"]["SigningRequest"];
+            };
+        };
+        responses: {
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["SigningResult"];
+                };
+            };
+            /** @description What went wrong. */
+            default: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+        };
+    };
+    removeSigning: {
+        parameters: {
+            query: {
+                vehicle: string;
+            };
             header?: never;
             path: {
                 link_id: string;

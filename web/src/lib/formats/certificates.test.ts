@@ -41,6 +41,20 @@ describe('rows', () => {
     expect(named(null)['Speed']?.limit).toBe('');
   });
 
+  it('tell which way to fly is predicted to be better, with both times and the reason', () => {
+    const way = {
+      time_s: 95, waits_s: 0, mean_deviation_m: 0.1, max_deviation_m: 0.4, min_clearance_m: 2, at_s: 3, finished: true,
+      place_m: [0, 0, 0] as [number, number, number],
+    };
+    const prediction = {
+      autopilot: 'px4', mission: { ...way, time_s: 190 }, offboard: way, mission_items: 30, needed_clearance_m: 1.4,
+      choice: 'offboard' as const, why: 'much quicker', basis: 'usual settings',
+    };
+    const found = named(null, { ...REPORT, predictions: [prediction] })['On px4'];
+    expect([found?.value, found?.limit, found?.about]).toEqual(['offboard 1:35', 'mission 3:10', 'much quicker']);
+    expect(named(null)['On px4']).toBeUndefined();
+  });
+
   it('tell coverage only of surfaces', () => {
     expect(named(null)['Coverage']).toBeUndefined();
     expect(named(null, { ...REPORT, coverage: 0.5 })['Coverage']?.value).toBe('50.0 %');

@@ -95,6 +95,20 @@ export function certificateRows(report: PlanReport, scenario: ScenarioValues | n
     row('Off corridor', figure(report.corridor_violation_m, 'm', 3), '', 'How far the curve leaves its boxes'),
     row('Miss', figure(report.worst_viewpoint_miss_m, 'm', 3), '≤ 0.05 m', 'Worst distance from a viewpoint'),
     row('Open sky', percent(report.open_sky), '', 'Share of the time with a clear straight climb above'),
+    ...(report.tracking == null
+      ? []
+      : [
+          row(
+            'Tracking',
+            figure(report.tracking.deviation_m, 'm', 2),
+            limit(numberAt(scenario, 'safety', 'tracking_m'), 'm', 2),
+            'Largest distance from the curve of a rigid body under a good controller in light gusts',
+          ),
+        ]),
+    ...(report.predictions ?? []).map((p) => {
+      const other = p.choice === 'mission' ? 'offboard' : 'mission';
+      return row(`On ${p.autopilot}`, `${p.choice} ${clock(p[p.choice].time_s)}`, `${other} ${clock(p[other].time_s)}`, p.why);
+    }),
     row('Items', report.mission_items === null ? '–' : String(report.mission_items), '', 'Items of the mission'),
   ];
 }

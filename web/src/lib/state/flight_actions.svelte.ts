@@ -46,7 +46,7 @@ export class FlightActions {
   }
 
   /** Make the flight in the station's records and check the vehicle; nothing is commanded. */
-  async prepare(planId: string, vehicle: string, mode: FlightMode): Promise<void> {
+  async prepare(planId: string, vehicle: string, mode: FlightMode | undefined): Promise<void> {
     await this.run('prepare', async () => {
       const flight = await post<FlightInfo>('/flights', { plan_id: planId, vehicle, mode });
       this.station.takeFlight(flight);

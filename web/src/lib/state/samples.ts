@@ -6,7 +6,7 @@ const AT = '2026-11-22T10:00:00Z';
 export function vehicle(changes: Partial<VehicleInfo> = {}): VehicleInfo {
   return {
     name: 'px4-1', system_id: 1, autopilot: 'px4', vehicle_type: 2, connected: true, last_heard_age_s: 0,
-    link_quality: 1, messages_per_s: 80, round_trip_s: 0.04, flight_id: null, armed: null, mode: null, mode_name: null, landed: null,
+    link_quality: 1, messages_per_s: 80, round_trip_s: 0.04, flight_id: null, ways: [], armed: null, mode: null, mode_name: null, landed: null,
     position: null, local_position_m: null, velocity_m_s: null, yaw_deg: null, attitude: null, gimbal_pitch_deg: null,
     battery: null, home: null, mission: null, gps_fix: null, satellites: null, ready_to_arm: null, ...changes,
   };

@@ -1,0 +1,155 @@
+"""The files of one vehicle, over MAVLink FTP: listed, fetched, written; and its camera's picture without files."""
+
+from __future__ import annotations
+
+import asyncio
+
+from gcs.core.errors import RefusedError
+from gcs.core.progress import Progress
+from gcs.core.vehicle import VehicleIdentity
+from gcs.mavlink.camera_description import CameraDescription
+from gcs.mavlink.ftp_directory import DirectoryListing, ListDirectory
+from gcs.mavlink.ftp_fetch import FetchedFile, FetchFile, PartialFile
+from gcs.mavlink.ftp_protocol import OnBytes, SequenceNumbers, path_from_url
+from gcs.mavlink.ftp_store import StoreFile
+from gcs.mavlink.image_transmission import RequestImage, TransmittedImage
+from gcs.mavlink.vehicle_channel import VehicleChannel
+from gcs.mavlink.vehicle_state import VehicleState
+
+MADE_UP_BYTES = 1 << 20
+"""Most bytes of a file that the vehicle makes up as it is read."""
+
+
+class VehicleFiles(VehicleState):
+    """The part of a `Vehicle` that moves files."""
+
+    def __init__(self, identity: VehicleIdentity, channel: VehicleChannel, *, lost_after_s: float) -> None:
+        super().__init__(identity, channel, lost_after_s=lost_after_s)
+        self._file_numbers: dict[int, SequenceNumbers] = {}
+        self._file_lock = asyncio.Lock()
+
+    @property
+    def camera(self) -> CameraDescription:
+        """What its camera tells of itself, as far as it was heard."""
+        return self._camera.description
+
+    async def list_files(self, path: str, component: int | None = None) -> DirectoryListing:
+        """List a folder of its camera, or of another component that serves files."""
+        async with self._file_lock:
+            folder, system, server, numbers = self._file_server(path, component)
+            listing = ListDirectory(
+                folder,
+                system,
+                server,
+                self._channel.send,
+                self._now,
+                sequence=numbers,
+                own_system=self._channel.sender[0],
+            )
+            return await self._named(self._channel.run(listing))
+
+    async def fetch_file(
+        self,
+        path: str,
+        progress: Progress | None = None,
+        *,
+        component: int | None = None,
+        resume: PartialFile | None = None,
+    ) -> FetchedFile:
+        """Read a file of its camera, or of another component; one at a time, others wait.
+
+        Args:
+            path: of the file, or its `mftp:` address as an ImageReport has it.
+            progress: told under the path's name.
+            component: that serves it; by default the one that the address names, else the camera, else the autopilot.
+            resume: what an earlier try left (`partial` of its BrokenFetchError).
+
+        Raises:
+            BrokenFetchError: the link broke; it has what came.
+        """
+        async with self._file_lock:
+            file, system, server, numbers = self._file_server(path, component)
+            fetch = FetchFile(
+                file,
+                system,
+                server,
+                self._channel.send,
+                self._now,
+                sequence=numbers,
+                own_system=self._channel.sender[0],
+                resume=resume,
+                on_progress=_telling(progress, path),
+            )
+            return await self._named(self._channel.run(fetch))
+
+    async def request_picture(self, progress: Progress | None = None) -> TransmittedImage:
+        """Have its camera send its newest picture, packet by packet: for cameras that serve no files.
+
+        Raises:
+            RefusedError: no camera of it was heard, or the picture cannot be taken.
+            NotFoundError: there is no picture.
+            IncompleteError: it did not arrive whole.
+            LinkError: the camera does not answer.
+        """
+        camera = self.camera_component
+        if camera is None:
+            raise RefusedError("no camera component of it has been heard", field=self.identity.name)
+        async with self._file_lock:
+            request = RequestImage(
+                (self.identity.system_id, camera),
+                self._channel.send,
+                self._now,
+                on_progress=_telling(progress, "picture"),
+            )
+            return await self._named(self._channel.run(request))
+
+    async def read_made_up(self, path: str) -> bytes:
+        """Read a file of its autopilot that it makes up as it is read; the content must be checked."""
+        async with self._file_lock:
+            file, system, server, numbers = self._file_server(path, self.identity.component_id)
+            fetch = FetchFile(
+                file,
+                system,
+                server,
+                self._channel.send,
+                self._now,
+                sequence=numbers,
+                own_system=self._channel.sender[0],
+                max_bytes=MADE_UP_BYTES,
+                made_up=True,
+            )
+            return (await self._named(self._channel.run(fetch))).data
+
+    async def write_to_autopilot(self, path: str, data: bytes, on_bytes: OnBytes | None = None) -> None:
+        """Write a file of its autopilot, which uses it when it has been closed."""
+        async with self._file_lock:
+            file, system, server, numbers = self._file_server(path, self.identity.component_id)
+            store = StoreFile(
+                file,
+                data,
+                system,
+                server,
+                self._channel.send,
+                self._now,
+                sequence=numbers,
+                own_system=self._channel.sender[0],
+                on_progress=on_bytes,
+            )
+            await self._named(self._channel.run(store))
+
+    def _file_server(self, path: str, component: int | None) -> tuple[str, int, int, SequenceNumbers]:
+        """Bare path, system, component and request numbers of the server that has a file."""
+        bare, named = path_from_url(path)
+        server = component or named or self.camera_component or self.identity.component_id
+        numbers = self._file_numbers.setdefault(server, SequenceNumbers())
+        return bare, self.identity.system_id, server, numbers
+
+
+def _telling(progress: Progress | None, stage: str) -> OnBytes | None:
+    if progress is None:
+        return None
+
+    def tell(done: int, total: int) -> None:
+        progress.report(stage, done / max(total, 1))
+
+    return tell

@@ -1,0 +1,295 @@
+"""A detour: the local path that leaves the planned trajectory before an obstacle and joins it again behind it.
+
+The shortest way on the map between the two places (`tangent_path`) gives the corners of a minimum-snap curve with the
+trajectory's own velocity, acceleration and jerk at both ends. Slower and slower curves are tried, with more points on
+the way where one cuts into an obstacle, until the limits hold on the true extrema and the whole curve is proved free.
+A slow one joins a trajectory that is itself flown slower, until it next stands still: as all its times are stretched
+alike, that joins as smoothly. What the search does is bounded; when nothing holds, that is said, and the vehicle must
+stop.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from gcs.core.errors import InfeasibleError, InputError
+from gcs.core.trajectory import PiecewisePolynomial
+from gcs.planning.local.binary_map import BinaryMap
+from gcs.planning.local.curve_checks import beyond_slab, heights_in_slab, within_limits
+from gcs.planning.local.curve_clearance import CellCounts
+from gcs.planning.local.curve_parts import joined_curves, motion_at, part_of_curve
+from gcs.planning.local.detour_times import profile_times
+from gcs.planning.local.tangent_path import shortest_path
+from gcs.planning.trajectories.unconstrained_minimum_snap import minimum_snap_spline
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+    from numpy.typing import NDArray
+
+    from gcs.planning.trajectories.flight_limits import FlightLimits
+
+WINDOW_S = 0.2
+"""The trajectory is held against the map in parts of this length."""
+
+CLEAR_S = 0.6
+"""It is joined again where it stays free for so long at least, or to its end."""
+
+REJOINS = (0.0, 1.0, 2.5, 4.5, 8.0)
+"""How long (s) after it has come free the trajectory is joined again, tried in this order."""
+
+PACES = {1.0: (0.9, 0.65, 0.45, 0.3), 0.75: (0.75, 0.5), 0.5: (0.5, 0.3), 0.3: (0.25,)}
+"""Shares of its own pace at which the trajectory is flown on, and shares of the speed limit that are tried before each.
+
+A slower trajectory is a last resort: it stays slow until it next stands still.
+"""
+
+STILL_M_S = 1e-6
+"""What is slower stands still."""
+
+SHARE_OF_ACCELERATION = 0.5
+"""What the speed profile may use of the acceleration limit: snap is finite, and corners need the rest."""
+
+OPENED_CELLS = 3
+"""The margin begins so many cells further from the ends of a way than it is wide."""
+
+REFINEMENTS = 5
+"""How often points are added where a curve is not free."""
+
+
+@dataclass(frozen=True)
+class DetourOptions:
+    """What a detour may be like.
+
+    Attributes:
+        react_s: it leaves the trajectory no earlier after now.
+        look_ahead_s: how far the trajectory is looked along.
+        margins_m: the way's corners keep these distances from the grown map, tried in this order.
+        slab_m: least and greatest height of what the lidar scans; None where the map counts at every height.
+    """
+
+    react_s: float = 0.3
+    look_ahead_s: float = 30.0
+    margins_m: tuple[float, ...] = (0.4, 0.1)
+    slab_m: tuple[float, float] | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Detour:
+    """A piece that takes the place of a part of the trajectory.
+
+    Attributes:
+        leave_s: time on the trajectory at which it leaves it (S_l).
+        rejoin_s: time on the trajectory at which it joins it again (E_l).
+        curve: from there to there; it starts at its own time 0.
+        pace: how quick the trajectory is flown from `rejoin_s` to `own_pace_s`, as a share of its own pace.
+        own_pace_s: time on the trajectory at which it stands still and goes on at its own pace.
+        path_m: the way on the map whose corners it rounds, shape (K, 2), scene ENU.
+    """
+
+    leave_s: float
+    rejoin_s: float
+    curve: PiecewisePolynomial
+    pace: float
+    own_pace_s: float
+    path_m: NDArray[np.float64]
+
+    @property
+    def delay_s(self) -> float:
+        """How much later the rest of the trajectory is flown."""
+        slowed = (self.own_pace_s - self.rejoin_s) * (1 / self.pace - 1)
+        return self.curve.duration_s - (self.rejoin_s - self.leave_s) + slowed
+
+    def skipped(self, stops_s: Sequence[float]) -> list[int]:
+        """Which of some times on the trajectory are not flown: those inside the part that is left out."""
+        return [k for k, stop in enumerate(stops_s) if self.leave_s < stop < self.rejoin_s]
+
+    def flown(self, trajectory: PiecewisePolynomial) -> PiecewisePolynomial:
+        """The whole trajectory with the piece in its place."""
+        parts = [part_of_curve(trajectory, 0.0, self.leave_s)] if self.leave_s > 0 else []
+        parts.append(self.curve)
+        if self.rejoin_s < self.own_pace_s:
+            slowed = part_of_curve(trajectory, self.rejoin_s, self.own_pace_s)
+            parts.append(PiecewisePolynomial(slowed.coefficients, slowed.durations_s / self.pace))
+        if self.own_pace_s < trajectory.duration_s:
+            parts.append(part_of_curve(trajectory, self.own_pace_s, trajectory.duration_s))
+        return joined_curves(*parts)
+
+
+def plan_detour(
+    trajectory: PiecewisePolynomial,
+    now_s: float,
+    area: BinaryMap,
+    limits: FlightLimits,
+    options: DetourOptions | None = None,
+    stops_s: Sequence[float] = (),
+) -> Detour | None:
+    """Fly round what blocks the trajectory, as soon as may be.
+
+    Args:
+        trajectory: what is flown, scene ENU.
+        now_s: how far it is flown.
+        area: map of the plane, grown by the safe distance and all errors.
+        limits: kept on the true extrema of the piece.
+        options: what it may be like.
+        stops_s: times of the viewpoints. The piece does not leave the trajectory before those that can be reached.
+
+    Returns:
+        The piece, or None when nothing blocks the trajectory as far as is looked.
+
+    Raises:
+        InputError: `now_s` is not on the trajectory.
+        InfeasibleError: no piece holds: hold or back off.
+    """
+    options = options or DetourOptions()
+    if not 0 <= now_s < trajectory.duration_s:
+        raise InputError(f"{now_s:g} s is not on a trajectory of {trajectory.duration_s:g} s", field="now_s")
+    times, blocked = _blocked_windows(trajectory, now_s, area, options)
+    if not blocked.any():
+        return None
+    trouble_s = float(times[blocked.argmax()])
+    earliest = now_s + options.react_s
+    if trouble_s <= earliest:
+        raise InfeasibleError("the trajectory is blocked before a detour can begin: stop now, then hold or back off")
+    leave_s = max([earliest, *[stop for stop in stops_s if earliest < stop <= trouble_s]])
+    wall = CellCounts(area)
+    start = motion_at(trajectory, leave_s)
+    ways = list(_ways(trajectory, leave_s, _rejoins(times, blocked), area, options))
+    for (after, paces), (rejoin_s, way) in itertools.product(PACES.items(), ways):
+        end = motion_at(trajectory, rejoin_s) * after ** np.arange(4)[:, None]
+        curve = _free_curve(start, end, way, paces, wall, limits, options)
+        if curve is not None:
+            own_pace_s = rejoin_s if after == 1.0 else _next_standstill_s(trajectory, rejoin_s, stops_s)
+            return Detour(leave_s, rejoin_s, curve, after, own_pace_s, way)
+    raise InfeasibleError("no way round the obstacle holds the limits and the clearance: stop, then hold or back off")
+
+
+def _next_standstill_s(trajectory: PiecewisePolynomial, after_s: float, stops_s: Sequence[float]) -> float:
+    """The first viewpoint from a time on at which the vehicle stands still, or the end."""
+    still = [stop for stop in stops_s if stop >= after_s and np.abs(trajectory.value(stop, 1)).max() < STILL_M_S]
+    return min([*still, trajectory.duration_s])
+
+
+def _blocked_windows(
+    trajectory: PiecewisePolynomial, now_s: float, area: BinaryMap, options: DetourOptions
+) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+    """Borders of short parts of the trajectory ahead (n + 1,), and which of them are not free (n,)."""
+    end = min(now_s + options.look_ahead_s, trajectory.duration_s)
+    times = np.linspace(now_s, end, max(math.ceil((end - now_s) / WINDOW_S), 1) + 1)
+    seen = CellCounts(area, off_map_blocked=False)
+    ahead = part_of_curve(trajectory, now_s, end, times[1:-1])
+    window = np.searchsorted(times, now_s + ahead.starts_s[:-1] + ahead.durations_s / 2) - 1
+    blocked = seen.blocked_pieces(ahead) & ~beyond_slab(ahead, options.slab_m)
+    return times, np.bincount(window, blocked, len(times) - 1) > 0
+
+
+def _rejoins(times: NDArray[np.float64], blocked: NDArray[np.bool_]) -> list[float]:
+    """Times at which the trajectory may be joined again, in the order in which they are tried."""
+    trouble = int(blocked.argmax())
+    needed = math.ceil(CLEAR_S / WINDOW_S)
+    good = [
+        float(times[k])
+        for k in range(trouble + 1, len(times))
+        if not blocked[k - 1] and not blocked[k : k + needed].any()
+    ]
+    wanted = [good[0] + after for after in REJOINS] if good else []
+    return list(dict.fromkeys(min(good, key=lambda time, aim=aim: abs(time - aim)) for aim in wanted))  # type: ignore[misc]
+
+
+def _ways(
+    trajectory: PiecewisePolynomial,
+    leave_s: float,
+    rejoins_s: Sequence[float],
+    area: BinaryMap,
+    options: DetourOptions,
+) -> Iterator[tuple[float, NDArray[np.float64]]]:
+    """Ways on the map, each with the time at which it joins the trajectory again."""
+    start = trajectory.value(leave_s)
+    for margin_m in options.margins_m:
+        grown = area.grown(margin_m)
+        for rejoin_s in rejoins_s:
+            goal = trajectory.value(rejoin_s)
+            if not all(_in_slab(point[2], options) for point in (start, goal)):
+                continue
+            try:
+                way = shortest_path(start[:2], goal[:2], area=_opened(grown, area, (start[:2], goal[:2]), margin_m))
+            except (InputError, InfeasibleError):
+                continue  # not from here to there: another place may do
+            yield rejoin_s, way.points_m
+
+
+def _opened(grown: BinaryMap, area: BinaryMap, ends_m: Sequence[NDArray[np.float64]], margin_m: float) -> BinaryMap:
+    """The map with the margin, but without it about both ends: a vehicle may stand at the very edge of free space."""
+    blocked = grown.blocked.copy()
+    reach = math.ceil(margin_m / area.cell_m) + OPENED_CELLS
+    for end in ends_m:
+        cell = np.floor(area.cells(end)).astype(np.int64)
+        window = tuple(slice(max(k - reach, 0), max(k + reach + 1, 0)) for k in cell)
+        blocked[window] = area.blocked[window]
+    return BinaryMap(blocked, area.origin_m, area.cell_m)
+
+
+def _in_slab(height_m: float, options: DetourOptions) -> bool:
+    return options.slab_m is None or options.slab_m[0] <= height_m <= options.slab_m[1]
+
+
+def _free_curve(
+    start: NDArray[np.float64],
+    end: NDArray[np.float64],
+    way_m: NDArray[np.float64],
+    paces: Sequence[float],
+    wall: CellCounts,
+    limits: FlightLimits,
+    options: DetourOptions,
+) -> PiecewisePolynomial | None:
+    """The quickest of some curves along a way that holds the limits and is free; None when none does.
+
+    Args:
+        start: position, velocity, acceleration and jerk there, shape (4, 3).
+        end: likewise.
+        way_m: shape (K, 2).
+        paces: shares of the speed limit, tried in this order.
+        wall: the map.
+        limits: kept on the true extrema.
+        options: for the slab.
+    """
+    for pace in paces:
+        points = _at_heights(way_m, float(start[0, 2]), float(end[0, 2]))
+        points[0], points[-1] = start[0], end[0]
+        for _ in range(REFINEMENTS + 1):
+            lengths = np.linalg.norm(np.diff(points, axis=0), axis=1)
+            times = profile_times(
+                lengths,
+                pace * limits.speed_m_s,
+                pace**2 * SHARE_OF_ACCELERATION * limits.acceleration_m_s2,
+                float(np.linalg.norm(start[1])),
+                float(np.linalg.norm(end[1])),
+            )
+            curve = minimum_snap_spline(points, times, list(start[1:]), list(end[1:])).piecewise_polynomial()
+            if not within_limits(curve, limits):
+                break
+            bad = wall.blocked_pieces(curve) | ~heights_in_slab(curve, options.slab_m)
+            if not bad.any():
+                return curve
+            points = _with_middles(points, bad)
+    return None
+
+
+def _at_heights(way_m: NDArray[np.float64], start_m: float, end_m: float) -> NDArray[np.float64]:
+    """The way's corners (K, 3) with heights that change evenly along it; no two are one place."""
+    along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(way_m, axis=0), axis=1))])
+    kept = np.concatenate([[True], np.diff(along) > 1e-6])
+    kept[-1] = True
+    heights = start_m + (end_m - start_m) * along / max(float(along[-1]), 1e-9)
+    return np.asarray(np.column_stack([way_m, heights])[kept])
+
+
+def _with_middles(points: NDArray[np.float64], bad: NDArray[np.bool_]) -> NDArray[np.float64]:
+    """The points with one more in the middle of each bad segment."""
+    segments = np.flatnonzero(bad)
+    return np.asarray(np.insert(points, segments + 1, (points[segments] + points[segments + 1]) / 2, axis=0))

@@ -1,0 +1,181 @@
+"""One vehicle over two links, and two vehicles under one id, with real packets."""
+
+import asyncio
+import sys
+
+import pytest
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from gcs.core.errors import LinkError, RefusedError
+from gcs.core.mission import Mission, MissionItem
+from gcs.mavlink.events import IdClashEvent, StatusTextEvent
+from gcs.mavlink.station import MavlinkStation
+
+HOST = "127.0.0.1"
+
+
+def port_of(url):
+    return int(url.rsplit(":", 1)[1])
+
+
+class Leg(asyncio.DatagramProtocol):
+    def __init__(self, router, port):
+        self.router, self.port, self.cut, self.from_station = router, port, False, 0
+
+    def connection_made(self, transport):
+        self.transport = transport
+
+    def datagram_received(self, data, address):
+        if not self.cut:
+            self.from_station += 1
+            self.router.to_vehicle(data)
+
+
+class Router(asyncio.DatagramProtocol):
+    """Stands between a vehicle and a station: all that the vehicle sends goes over every leg that is not cut."""
+
+    async def start(self, *ports):
+        loop = asyncio.get_running_loop()
+        self.vehicle_at = None
+        self.legs = []
+        for port in ports:
+            _, leg = await loop.create_datagram_endpoint(lambda port=port: Leg(self, port), local_addr=(HOST, 0))
+            self.legs.append(leg)
+        self.transport, _ = await loop.create_datagram_endpoint(lambda: self, local_addr=(HOST, 0))
+        self.port = self.transport.get_extra_info("sockname")[1]
+        return self
+
+    def datagram_received(self, data, address):
+        self.vehicle_at = address
+        for leg in self.legs:
+            if not leg.cut:
+                leg.transport.sendto(data, (HOST, leg.port))
+
+    def to_vehicle(self, data):
+        if self.vehicle_at is not None:
+            self.transport.sendto(data, self.vehicle_at)
+
+    def close(self):
+        for each in (self, *self.legs):
+            each.transport.close()
+
+
+@pytest.fixture
+async def router(station):
+    ports = [port_of(await station.open(f"udpin:{HOST}:0")) for _ in range(2)]
+    router = await Router().start(*ports)
+    yield router
+    router.close()
+
+
+async def test_over_two_links_all_is_heard_once_and_a_cut_is_survived(station, router, make_vehicle):
+    scripted = await make_vehicle(router.port)
+    vehicle = await station.wait_for_vehicle(5.0)
+    await vehicle.until(lambda: len(station.ways(vehicle)) == 2, 5.0, "both ways")
+    await asyncio.sleep(0.5)
+    async with vehicle.events() as events:
+        for i in range(10):
+            scripted.send(mavlink.MAVLink_statustext_message(6, f"text {i}".encode(), 0, 0))
+        await asyncio.sleep(0.3)
+        used = next(way for way in station.ways(vehicle) if way.used)
+        leg = router.legs[[info.url for info in station.links].index(used.url)]
+        leg.cut = True
+        for i in range(10, 20):
+            scripted.send(mavlink.MAVLink_statustext_message(6, f"text {i}".encode(), 0, 0))
+        texts = []
+        async with asyncio.timeout(5.0):
+            while len(texts) < 20:
+                event = await anext(events)
+                texts += [event.status.text] if isinstance(event, StatusTextEvent) else []
+    assert texts == [f"text {i}" for i in range(20)]
+    await vehicle.arm()  # goes the other way, once the first has been silent
+    assert scripted.armed
+    assert next(way for way in station.ways(vehicle) if way.used).url != used.url
+    assert vehicle.link_quality.loss < 0.05
+
+
+async def test_two_vehicles_with_one_id_are_said_and_not_commanded(station, make_vehicle):
+    url = await station.open(f"udpin:{HOST}:0")
+    first = await make_vehicle(port_of(url))
+    vehicle = await station.wait_for_vehicle(5.0)
+    second = await make_vehicle(port_of(url))
+    second.born -= 500.0
+    async with vehicle.events() as events, asyncio.timeout(5.0):
+        while not isinstance(event := await anext(events), IdClashEvent):
+            pass
+    assert "clocks" in event.reason
+    assert vehicle.id_clash == event.reason
+
+    def heard():
+        """Whatever is more than a question."""
+        kinds = ("HEARTBEAT", "TIMESYNC", "COMMAND_LONG")
+        orders = [m for one in (first, second) for m in one.of("COMMAND_LONG") if m.command not in (511, 512)]
+        return orders + [m for one in (first, second) for _, m in one.heard if m.get_type() not in kinds]
+
+    mission = Mission((MissionItem(0, 5, 16, (0.0, 0.0, 0.0, 0.0), 313622000, 1216155000, 20.0, 1),))
+    for attempt in (vehicle.arm(), vehicle.take_off(30.0), vehicle.upload_mission(mission), vehicle.pause()):
+        with pytest.raises(RefusedError, match=r"px4-1: .*two vehicles use system id 1 \(clocks"):
+            await attempt
+    await asyncio.sleep(0.2)
+    assert not heard()
+
+
+async def test_a_vehicle_that_speaks_mavlink_1_is_heard_and_said(station, make_vehicle):
+    url = await station.open(f"udpin:{HOST}:0")
+    scripted = await make_vehicle(port_of(url))
+    scripted.command = lambda message: None  # it does not understand what is sent to it
+
+    def send_old(message):
+        raw = message.pack(scripted.codec, force_mavlink1=True)
+        scripted.codec.seq = (scripted.codec.seq + 1) % 256
+        scripted.put(raw)
+
+    scripted.send = send_old
+    vehicle = await station.wait_for_vehicle(5.0)
+    await vehicle.until(lambda: vehicle.telemetry.position is not None and vehicle.mavlink_version == 1, 5.0, "it")
+    with pytest.raises(LinkError, match=r"does not answer.*set it to MAVLink 2"):
+        await vehicle.arm()
+
+
+@pytest.mark.system
+@pytest.mark.parametrize("kind", ["px4", "ardupilot"])
+async def test_a_mission_transfer_survives_a_change_of_link(kind, tmp_path):
+    station = MavlinkStation()
+    ports = [port_of(await station.open(f"udpin:{HOST}:0")) for _ in range(2)]
+    router = await Router().start(*ports)
+    process = await asyncio.create_subprocess_exec(
+        *(sys.executable, "-m", "sitl_mocks", "--autopilot", kind, "--port", str(router.port)),
+        *("--tcp-base", "none", "--exit-with-parent"),
+        stdout=asyncio.subprocess.DEVNULL,
+    )
+    try:
+        vehicle = await station.wait_for_vehicle(60.0)
+        await vehicle.until(lambda: vehicle.telemetry.home is not None, 60.0, "its home")
+        items = [(16, 10.0)] if kind == "ardupilot" else []
+        items += [(22, 20.0), *[(16, 20.0 + i) for i in range(60)]]
+        mission = Mission(
+            tuple(
+                MissionItem(i, 5, command, (0.0,) * 4, 313622000 + 50 * i, 1216155000, up, int(i == 0))
+                for i, (command, up) in enumerate(items)
+            )
+        )
+        used = next(way for way in station.ways(vehicle) if way.used)
+        leg = router.legs[[info.url for info in station.links].index(used.url)]
+        before = leg.from_station
+        upload = asyncio.ensure_future(vehicle.upload_mission(mission))
+        async with asyncio.timeout(20.0):
+            while leg.from_station < before + 5:  # noqa: ASYNC110 - in the midst of the items
+                await asyncio.sleep(0)
+        leg.cut = True
+        assert not upload.done()
+        await asyncio.wait_for(upload, 60.0)
+
+        def other_way():
+            return next(way for way in station.ways(vehicle) if way.used).url != used.url
+
+        await vehicle.until(other_way, 10.0, "the other way")
+    finally:
+        router.close()
+        await station.close_all()
+        process.terminate()
+        await asyncio.wait_for(process.wait(), 10.0)

@@ -1,0 +1,192 @@
+"""A whole `Vehicle` beside simulated ones in the same process: what goes by files, and what by the protocols."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import time
+from concurrent.futures import Future
+
+import pytest
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from gcs.core.errors import NotFoundError, RefusedError
+from gcs.core.frames import GeoPoint
+from gcs.core.mission import Mission, MissionItem
+from gcs.core.vehicle import Autopilot, VehicleIdentity
+from gcs.mavlink.mission_protocol import MissionType
+from gcs.mavlink.vehicle import Vehicle
+from gcs.mavlink.vehicle_channel import VehicleChannel
+from sitl_mocks.ardupilot import ArduPilotVehicle
+from sitl_mocks.camera import CameraFolder
+from sitl_mocks.channel import Channel
+from sitl_mocks.file_server import FileServer
+from sitl_mocks.px4 import Px4Vehicle
+from sitl_mocks.vehicle_options import VehicleOptions
+
+HOME = GeoPoint(31.36201962, 121.61528979, 4.0)
+TICK_S = 0.002
+
+
+class Pair:
+    """A vehicle of the station and the simulated one that it talks to, without a socket in between."""
+
+    def __init__(self, cls, autopilot, **options):
+        self.simulated = cls(VehicleOptions(1, HOME, HOME, _draw, **options))
+        self.asked = []
+        packer = mavlink.MAVLink(None, srcSystem=255, srcComponent=190)
+        parser = mavlink.MAVLink(None)
+        self._under_way = []
+        self._link = Channel(1, lambda packet: self._under_way.extend(parser.parse_buffer(packet) or []))
+        channel = VehicleChannel((1, 1), (255, 190), self._send, time.monotonic)
+        self.vehicle = Vehicle(VehicleIdentity(1, 1, autopilot, 2), channel, lost_after_s=1e9)
+        self._packer = packer
+        self.simulated.add_channel(self._link)
+        self.wall_s = 0.0
+        for _ in range(250):
+            self._step(0.02)
+
+    def _send(self, message):
+        self.asked.append(message.get_type())
+        for m in self._link.receive(bytes(message.pack(self._packer))):
+            self.simulated.handle(m, self._link)
+
+    def _step(self, seconds):
+        self.wall_s += seconds
+        self.simulated.step(seconds, self.wall_s)
+        arrived, self._under_way = self._under_way, []
+        for message in arrived:
+            self.vehicle.handle(message)
+
+    async def live(self):
+        while True:
+            self._step(TICK_S)
+            await asyncio.sleep(TICK_S)
+
+
+def _draw(exposure):
+    done = Future()
+    done.set_result(b"\xff\xd8\xff" + bytes([exposure.index]) * 5000)
+    return done
+
+
+@pytest.fixture
+async def make_pair():
+    tasks = []
+
+    def make(cls=ArduPilotVehicle, autopilot=Autopilot.ARDUPILOT, **options):
+        pair = Pair(cls, autopilot, **options)
+        tasks.append(asyncio.ensure_future(pair.live()))
+        return pair
+
+    yield make
+    for task in tasks:
+        task.cancel()
+        with contextlib.suppress(asyncio.CancelledError):
+            await task
+
+
+def mission(count, command=16):
+    rows = [MissionItem(0, 0, 16, (0.0,) * 4, 313620196, 1216152897, 4.0, 1)]
+    rows += [MissionItem(k, 5, command, (0.0,) * 4, 313620196 + 50 * k, 1216152897, 20.0) for k in range(1, count)]
+    return Mission(tuple(rows))
+
+
+async def test_ardupilot_missions_go_as_files_both_ways(make_pair):
+    pair = make_pair()
+    proof = await pair.vehicle.upload_mission(mission(60))
+    assert "file" in proof.how
+    assert "MISSION_COUNT" not in pair.asked
+    assert len(pair.simulated.missions.items) == 60
+    pair.simulated.broadcast(pair.simulated.telemetry.build(mavlink.MAVLINK_MSG_ID_MISSION_CURRENT))
+    await pair.vehicle.until(lambda: pair.vehicle.telemetry.mission is not None, 5.0, "its mission")
+    assert [i.x for i in await pair.vehicle.download_mission()][1:] == [i.x for i in mission(60).items][1:]
+    assert "MISSION_REQUEST_LIST" not in pair.asked
+
+
+async def test_what_the_file_does_not_bring_the_protocol_does(make_pair):
+    pair = make_pair()
+    pair.simulated.autopilot_files = FileServer(CameraFolder())
+    proof = await pair.vehicle.upload_mission(mission(20))
+    assert "file" not in proof.how
+    assert len(pair.simulated.missions.items) == 20
+
+
+async def test_the_protocol_says_what_is_wrong_with_an_item(make_pair):
+    pair = make_pair()
+    with pytest.raises(RefusedError, match="command"):
+        await pair.vehicle.upload_mission(mission(20, command=31000))
+    assert "MISSION_COUNT" in pair.asked
+
+
+async def test_px4_is_asked_for_no_such_file(make_pair):
+    pair = make_pair(Px4Vehicle, Autopilot.PX4)
+    with contextlib.suppress(RefusedError):
+        await pair.vehicle.upload_mission(mission(20))
+    assert "FILE_TRANSFER_PROTOCOL" not in pair.asked
+    with pytest.raises(NotFoundError):
+        await pair.vehicle.read_all_parameters()
+
+
+async def test_many_parameters_come_in_one_file_and_unknown_names_cost_nothing(make_pair):
+    pair = make_pair()
+    names = [f"NO_SUCH_{k}" for k in range(40)] + ["RTL_ALT", "WPNAV_SPEED"]
+    begin = time.monotonic()
+    values = await pair.vehicle.read_parameters(names)
+    assert time.monotonic() - begin < 3.0, "it waited for names that do not exist"
+    assert (values["RTL_ALT"], values["WPNAV_SPEED"], values["NO_SUCH_1"]) == (1500.0, 1000.0, None)
+    assert "PARAM_REQUEST_READ" not in pair.asked
+
+
+async def test_the_defaults_come_with_all_parameters(make_pair):
+    pair = make_pair()
+    pair.simulated.parameters.override("RTL_ALT", 2000)
+    told = await pair.vehicle.read_all_parameters()
+    assert (told["RTL_ALT"].reading.value, told["RTL_ALT"].default) == (2000.0, 1500.0)
+    assert told["WPNAV_SPEED"].default is None
+
+
+@pytest.mark.parametrize("damage", [lambda data: data[:-3], lambda data: b"\0\0" + data[2:], lambda data: b""])
+async def test_a_damaged_parameter_file_is_left_for_the_protocol(make_pair, damage):
+    pair = make_pair()
+    files = pair.simulated.autopilot_files._virtual
+    content = files.content
+    files.content = lambda path: damage(content(path))
+    names = list(pair.simulated.parameters.table())[:20]
+    values = await pair.vehicle.read_parameters(names)
+    assert None not in values.values()
+    assert "PARAM_REQUEST_READ" in pair.asked
+
+
+async def test_a_few_parameters_are_asked_for_by_name(make_pair):
+    pair = make_pair()
+    assert await pair.vehicle.read_parameters(["RTL_ALT"]) == {"RTL_ALT": 1500.0}
+    assert "FILE_TRANSFER_PROTOCOL" not in pair.asked
+
+
+async def test_fence_and_rally_go_as_files_too(make_pair):
+    pair = make_pair()
+    corners = [
+        MissionItem(k, 0, 5001, (6.0, 0.0, 0.0, 0.0), 313620196 + x, 1216152897 + y, 0.0)
+        for k, (x, y) in enumerate(
+            [(-9000, -9000), (9000, -9000), (12000, 0), (9000, 9000), (-9000, 9000), (-12000, 0)]
+        )
+    ]
+    proof = await pair.vehicle.upload_list(corners, MissionType.FENCE)
+    assert "file" in proof.how
+    assert len(await pair.vehicle.download_list(MissionType.FENCE)) == 6
+
+
+@pytest.mark.parametrize(("cls", "autopilot"), [(Px4Vehicle, Autopilot.PX4), (ArduPilotVehicle, Autopilot.ARDUPILOT)])
+async def test_a_camera_that_serves_no_files_sends_its_newest_picture(make_pair, cls, autopilot):
+    pair = make_pair(cls, autopilot, serves_pictures=False)
+    await pair.vehicle.until(lambda: pair.vehicle.camera_component is not None, 5.0, "its camera")
+    with pytest.raises(NotFoundError):
+        await pair.vehicle.request_picture()
+    pair.simulated.camera.take()
+    pair.simulated.camera.take()
+    await asyncio.sleep(0.1)
+    picture = await pair.vehicle.request_picture()
+    assert picture.data == pair.simulated.folder.files["/DCIM/IMG_0002.JPG"]
+    pair.simulated.options = VehicleOptions(1, HOME, HOME, _draw)
+    assert (await pair.vehicle.fetch_file("/DCIM/IMG_0001.JPG")).data[:3] == b"\xff\xd8\xff"

@@ -1,0 +1,62 @@
+"""`gcs signing` against a simulated vehicle, and the station that uses the key afterwards."""
+
+import asyncio
+import contextlib
+import socket
+import sys
+
+import pytest
+
+from gcs.core.errors import InputError
+from gcs.mavlink.station import MavlinkStation
+from gcs.services.link_signing import LinkSigningService
+from gcs.services.signing_commands import give_key, key_store, take_key_back
+
+pytestmark = pytest.mark.system
+
+
+def free_port():
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sock:
+        sock.bind(("127.0.0.1", 0))
+        return sock.getsockname()[1]
+
+
+@contextlib.asynccontextmanager
+async def simulated(port):
+    process = await asyncio.create_subprocess_exec(
+        *(sys.executable, "-m", "sitl_mocks", "--autopilot", "px4", "--port", str(port)),
+        *("--tcp-base", "none", "--exit-with-parent"),
+        stdout=asyncio.subprocess.DEVNULL,
+    )
+    try:
+        yield
+    finally:
+        process.terminate()
+        await asyncio.wait_for(process.wait(), 10.0)
+
+
+async def test_a_key_is_given_kept_used_at_the_next_start_and_taken_back(tmp_path, monkeypatch):
+    monkeypatch.setenv("GCS_KEY", "correct horse")
+    url = f"udpin:127.0.0.1:{free_port()}"
+    async with simulated(int(url.rsplit(":", 1)[1])):
+        proof = await give_key(url, "px4-1", tmp_path, rejects_unsigned=True)
+        assert proof.proved
+        assert key_store(tmp_path).urls() == (url,)
+        station = MavlinkStation()
+        await LinkSigningService(station, key_store(tmp_path)).open(url)
+        vehicle = await station.wait_for_vehicle(30.0)
+        assert await vehicle.read_failsafes()
+        await station.close_all()
+        monkeypatch.delenv("GCS_KEY")
+        with pytest.raises(InputError, match="GCS_KEY"):  # not opened without signing instead
+            await LinkSigningService(station, key_store(tmp_path)).open(url)
+        assert station.links == ()
+        monkeypatch.setenv("GCS_KEY", "correct horse")
+        await take_key_back(url, "px4-1", tmp_path)
+        assert key_store(tmp_path).urls() == ()
+
+
+async def test_without_a_passphrase_no_vehicle_is_given_a_key(tmp_path, monkeypatch):
+    monkeypatch.delenv("GCS_KEY", raising=False)
+    with pytest.raises(InputError, match="GCS_KEY"):
+        await give_key("udpin:127.0.0.1:1", "px4-1", tmp_path, rejects_unsigned=True)
