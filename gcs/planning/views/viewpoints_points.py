@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -10,6 +11,7 @@ import numpy as np
 from gcs.core.errors import InfeasibleError
 from gcs.core.inspection import DEFAULT_POINT_FOOTPRINT_M
 from gcs.planning.scene.fence import room_in_fence
+from gcs.planning.scene.widest_way import STEP_M
 from gcs.planning.views.picture_limits import distance_for
 from gcs.planning.views.viewpoint_pose import camera_angles, gimbal_pitch_range_rad, pose_towards
 
@@ -30,6 +32,20 @@ AZIMUTHS = 16
 FARTHER = (1.0, 1.05, 1.1, 1.2, 1.35, 1.5, 1.75, 2.0)
 """Distances that are tried for a point without a GSD, in multiples of the stand-off."""
 
+MOST_VIEWPOINTS = 6
+"""How many are offered for a point at most."""
+
+OFFERED_TILT_DEG = 30.0
+"""How far others than the best viewpoint may be tilted: their pictures are squeezed by 13 % at most."""
+
+OFFERED_DISTANCE = 1.2
+"""How much further or nearer than the best they may be, as a factor; to keep clear of a wall tilted ones need 1.15."""
+
+LEAST_APART_M = 0.5
+"""Viewpoints of a point that are nearer to each other make no difference to the way."""
+
+WITHIN = "within 60 degrees of its normal"
+
 TARGET_GAP_M = 0.02
 """A named point may lie this deep under a bolt, a coat of paint or the mesh's own inaccuracy."""
 
@@ -49,15 +65,17 @@ def stand_off_m(point: NamedPoint, camera: Camera, nearest: NearestPlace, furthe
     return min(max(camera.distance_for_footprint(DEFAULT_POINT_FOOTPRINT_M), nearest.distance_m), furthest)
 
 
-def find_point_viewpoint(
+def find_point_viewpoints(
     point: NamedPoint, camera: Camera, nearest: NearestPlace, space: FreeSpace, sight: SightLines, furthest_m: float
-) -> ViewpointPose:
-    """The viewpoint of one named point.
+) -> list[ViewpointPose]:
+    """The best viewpoint of one named point, and after it others that would do as well, well apart.
 
-    The straight stand-off is taken if it is free, connected with home, in sight of the point and within the gimbal's
-    range. Else the least tilted direction within 60 degrees of the normal that is; among equally tilted ones those
-    under the open sky first, then the nearest to the wanted distance. With a GSD places go from its distance inwards
-    to the nearest, without one from the stand-off outwards to twice as far.
+    The best is the straight stand-off if it is free, connected with home, in sight of the point and within the
+    gimbal's range. Else it is the least tilted direction within 60 degrees of the normal that is; among equally tilted
+    ones those under the open sky first, then the nearest to the wanted distance. With a GSD places go from its distance
+    inwards to the nearest, without one from the stand-off outwards to twice as far. The others keep the same limits and
+    the GSD, are about as far from the point, under the open sky if the best is, and tilted by at most 30 degrees or as
+    much as the best.
 
     Args:
         point: the point with its unit normal.
@@ -90,17 +108,35 @@ def find_point_viewpoint(
     _, pitch = camera_angles(target - places)
     good = np.flatnonzero(seen & (pitch >= lowest) & (pitch <= highest))
     if not len(good):
-        fenced = room_in_fence(places, space.model.fence) < space.model.tolerance
-        room = None
-        if not reachable.any() and not fenced.all():
-            would_do = sight.clear(places, np.broadcast_to(target, places.shape), TARGET_GAP_M)
-            would_do &= (pitch >= lowest) & (pitch <= highest)
-            room = space.largest_clearance_m(places[would_do])
-        raise InfeasibleError(_reason(fenced, free, reachable, seen, space.clearance_m, room), field=_field(point))
+        would_do = sight.clear(places, np.broadcast_to(target, places.shape), TARGET_GAP_M)
+        would_do &= (pitch >= lowest) & (pitch <= highest)
+        reason = _fence_in_the_way(places, would_do, free, space)
+        if reason is None:
+            room = None if reachable.any() else space.largest_clearance_m(places[would_do])
+            reason = _reason(free, reachable, seen, space.clearance_m, room)
+        raise InfeasibleError(reason, field=_field(point))
     covered = ~space.is_open_sky(places[good])
-    best = good[np.lexsort((order[good], covered, tilt[good]))[0]]
-    length = float(np.linalg.norm(target - places[best]))
-    return pose_towards(point.name, places[best], target - places[best], camera.gsd_at(length))
+    ranked = np.lexsort((order[good], covered, tilt[good]))
+    best = ranked[0]
+    distance = np.linalg.norm(target - places[good], axis=1)
+    alike = np.abs(np.log(distance / distance[best])) <= math.log(OFFERED_DISTANCE) + 1e-9
+    alike &= (tilt[good] <= max(tilt[good[best]], OFFERED_TILT_DEG)) & (covered <= covered[best])
+    offered = ranked[alike[ranked]]
+    poses = []
+    for k in offered[_well_apart(places[good[offered]])]:
+        towards = target - places[good[k]]
+        pose = pose_towards(point.name, places[good[k]], towards, camera.gsd_at(float(distance[k])))
+        poses.append(replace(pose, hold_s=point.hold_s or 0.0))
+    return poses
+
+
+def _well_apart(places: NDArray[np.float64]) -> list[int]:
+    """The first of some places, and again and again the one that is furthest from those that are taken."""
+    taken, away = [0], np.linalg.norm(places - places[0], axis=1)
+    while len(taken) < MOST_VIEWPOINTS and away.max() >= LEAST_APART_M:
+        taken.append(int(away.argmax()))
+        away = np.minimum(away, np.linalg.norm(places - places[taken[-1]], axis=1))
+    return taken
 
 
 def tilted_directions(
@@ -125,8 +161,35 @@ def _field(point: NamedPoint) -> str:
     return f"inspection.points.{point.name}"
 
 
+def _fence_in_the_way(
+    places: NDArray[np.float64], would_do: NDArray[np.bool_], free: NDArray[np.bool_], space: FreeSpace
+) -> str | None:
+    """What the fence has to do with it that no place is left; None where it would be the same without one.
+
+    `would_do`: the camera could look at the point from there, if the vehicle could be there.
+    """
+    fence, tolerance = space.model.fence, space.model.tolerance
+    if not len(fence.corners) and math.isinf(fence.max_height_m):
+        return None
+    outside = room_in_fence(places, fence) < tolerance
+    unfenced_m = space.largest_clearance_m(places[would_do], fenced=False)
+    if not outside.all() and unfenced_m < space.clearance_m - STEP_M:
+        return None
+    if (free & would_do).any():
+        return (
+            f"the fence cuts off the stand-off places {WITHIN} from home: widen it so that a way leads there, or leave "
+            "the point out"
+        )
+    limit = "widen it"
+    if (room_in_fence(places[would_do], fence._replace(max_height_m=math.inf)) >= tolerance).any():
+        limit = "raise its max_height_m"
+    return (
+        f"the fence leaves out every stand-off place {WITHIN} from which the camera could look at it, the vehicle's "
+        f"size and its errors counted in: {limit}, or leave the point out"
+    )
+
+
 def _reason(
-    fenced: NDArray[np.bool_],
     free: NDArray[np.bool_],
     reachable: NDArray[np.bool_],
     seen: NDArray[np.bool_],
@@ -134,29 +197,22 @@ def _reason(
     room_m: float | None,
 ) -> str:
     """What is in the way; `room_m` is the largest clearance that would leave a place, where it was looked for."""
-    within = "within 60 degrees of its normal"
-    if fenced.all():
-        return (
-            f"the fence leaves out every stand-off place {within}, the vehicle's size and its errors counted in: widen "
-            "the fence or leave the point out"
-        )
     if not free.any():
-        besides = f"; {fenced.mean():.0%} of them are outside the fence" if fenced.any() else ""
         return (
-            f"every stand-off place {within} is inside the structure, nearer than {clearance_m:.2f} m to something or "
-            f"below the ground{besides}: turn the normal outwards, or {_smaller(room_m)}"
+            f"every stand-off place {WITHIN} is inside the structure, nearer than {clearance_m:.2f} m to something or "
+            f"below the ground: turn the normal outwards, or {_smaller(room_m)}"
         )
     if not reachable.any():
         return (
-            f"the stand-off places {within} are inside the structure or enclosed by it: no way leads there from home "
+            f"the stand-off places {WITHIN} are inside the structure or enclosed by it: no way leads there from home "
             f"with {clearance_m:.2f} m about the vehicle's centre: turn the normal outwards, or {_smaller(room_m)}"
         )
     if not seen.any():
         return (
-            f"the structure hides it from every free stand-off place {within}, or it lies inside the structure: "
+            f"the structure hides it from every free stand-off place {WITHIN}, or it lies inside the structure: "
             "check its position and normal"
         )
-    return f"the gimbal cannot look at it from any free stand-off place {within}: its pitch range is too small"
+    return f"the gimbal cannot look at it from any free stand-off place {WITHIN}: its pitch range is too small"
 
 
 def _smaller(room_m: float | None) -> str:

@@ -37,7 +37,7 @@ def random_candidates(count, each, seed):
 
 
 def in_the_open(**options):
-    space = SimpleNamespace(in_home_column=lambda _: True, take_off_m=HOME + [0, 0, 4])
+    space = SimpleNamespace(in_home_column=lambda _: True, take_off_m=HOME + np.array([0.0, 0.0, 4.0]))
     scenario = SimpleNamespace(home_m=tuple(HOME), planner=PlannerOptions(**options))
     return SimpleNamespace(scene=SimpleNamespace(space=space), scenario=scenario)
 

@@ -199,7 +199,7 @@ def square(x, y, half):
     [
         (Fence(include=(square(0, 0, 60),), max_height_m=8.0), "the fence leaves out .*: raise its max_height_m"),
         (Fence(include=(square(-20, -20, 9), square(12, 0, 6))), "the fence cuts off the stand-off places"),
-        (Fence(include=(square(-20, 0, 22),)), "the fence leaves out .*: widen it"),
+        (Fence(include=(square(-25, 0, 27),)), "the fence leaves out .*: widen it"),
     ],
     ids=["too-low", "in-two", "one-side"],
 )
