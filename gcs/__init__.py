@@ -1,3 +1,3 @@
 """gcs: a MAVLink ground station that plans, proves, flies and accounts for structure inspections."""
 
-__version__ = "0.2.0"
+__version__ = "0.3.0"

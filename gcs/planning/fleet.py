@@ -22,6 +22,7 @@ from gcs.planning.flights.flight_base import base_at, leg_time_of, tour_from
 from gcs.planning.flights.plan_group import PlanGroup
 from gcs.planning.flights.rally_points import check_rally_points
 from gcs.planning.flights.separation import Separation, least_separation
+from gcs.planning.flights.viewpoint_choice import choose_viewpoints
 from gcs.planning.paths.string_pulling import path_length
 from gcs.planning.planner import Stopwatch, build_flight, coverage_together, plans_of_flights
 from gcs.planning.tours.leg_table import LegTable
@@ -76,15 +77,14 @@ def plan_fleet(scenario: Scenario, structure: Structure, progress: Progress) -> 
     scene = home.scene
     check_rally_points(scenario, scene.distance)
     found = find_viewpoints(home.scenario, structure, scene.space, scene.distance, progress)
-    poses = found.poses
-    if count > len(poses):
-        raise InputError(
-            f"{count} vehicles for {len(poses)} viewpoints: use {len(poses)} at most", field="vehicle.count"
-        )
+    most = len(found.poses)
+    if count > most:
+        raise InputError(f"{count} vehicles for {most} viewpoints: use {most} at most", field="vehicle.count")
+    poses, whole = choose_viewpoints(home, found.poses, found.others, progress)
     pads = pads_of_fleet(scenario, scene.distance, np.mean([p.position_m for p in poses], axis=0))
     bases = [home, *(base_at(pad, scenario, structure, progress) for pad in pads[1:])]
     sharing = _Sharing(bases, poses, progress)
-    tours = sharing.tours()
+    tours = sharing.tours(whole)
     watch = Stopwatch()
     built = [
         build_flight(base.scenario, base.scene.space, tour, poses, progress, watch)
@@ -137,9 +137,8 @@ class _Sharing:
             for base in bases
         ]
 
-    def tours(self) -> list[Tour]:
-        """The tour of each vehicle; their `order` numbers all viewpoints."""
-        whole = self._tour(0, range(len(self._places)))
+    def tours(self, whole: Tour) -> list[Tour]:
+        """The tour of each vehicle, from that of the first one alone; their `order` numbers all viewpoints."""
         self.lower_bound_s = self._lower_bound_s(whole)
         there = whole.order.tolist()
         runs = min((self._cut(order) for order in (there, there[::-1])), key=self._longest)

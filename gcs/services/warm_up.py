@@ -15,6 +15,7 @@ from gcs.core.structure import Structure
 from gcs.core.structure_source import Cable
 from gcs.planning.planner import make_plan
 from gcs.planning.scene.point_distance import SceneDistance
+from gcs.planning.tours.generalised_tour import generalised_tour
 from gcs.planning.trajectories.flight_limits import FlightLimits
 from gcs.planning.trajectories.optimal_times import times_at_limits
 from gcs.services.mission_fitting import predict_usual_flights
@@ -56,7 +57,7 @@ def tower() -> Structure:
 
 
 def main() -> None:
-    """Plan a small scene in each corridor and a curve without one, predict a flight, start a simulated vehicle."""
+    """Plan a small scene in each corridor, predict flights, choose between viewpoints, start a simulated vehicle."""
     structure = tower()
     plan = cast("Plan", make_plan(parse_scenario(SCENARIO), structure, SilentProgress()))  # no battery, no sorties
     for corridor in ("tubes", "polytopes"):
@@ -64,6 +65,7 @@ def main() -> None:
     forecast_tracking(plan)
     predict_usual_flights(plan, SceneDistance(structure, plan.scenario.ground_m))
     times_at_limits(np.eye(3), FlightLimits(5.0, 2.5))
+    generalised_tour(np.arange(36.0).reshape(12, 3), np.arange(12) // 2)
     with Simulator(SimulatorOptions(port=9, extra=("--tcp-base", "none"))):
         pass
 

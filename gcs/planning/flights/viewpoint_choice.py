@@ -25,7 +25,10 @@ if TYPE_CHECKING:
     from gcs.planning.views.viewpoint_pose import ViewpointPose
 
 WORTHWHILE = 0.01
-"""Share of the tour's cost that has to be saved: the best viewpoints are looked from more squarely."""
+"""Share of the tour's cost that has to be saved: the best viewpoints look at their points most squarely."""
+
+EFFORT = 0.2
+"""Of the generalised tour: ways that are not straight make more of a difference than the rest of it."""
 
 
 def choose_viewpoints(
@@ -90,7 +93,7 @@ def choice_over_straight_lines(
         taken = best_choice(points, start, np.arange(len(start) - 1))
     else:
         targets = np.repeat(np.arange(len(start) - 1), np.diff(start))
-        effort = len(others) / len(poses)
+        effort = EFFORT * len(others) / len(poses)
         taken = generalised_tour(
             points, targets, seed=options.seed, effort=effort, poll=lambda: progress.report("tour", 0.0)
         ).order

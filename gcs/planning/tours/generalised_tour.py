@@ -95,7 +95,7 @@ def generalised_tour(
     if m > FEWEST:
         rounds = round(effort * max(ROUNDS_PER_TARGET * m, LEAST_ROUNDS))
         tour = _together(sorted_points, start, tour, rounds, seed, poll)
-        tour = _in_turns(sorted_points, start, tour, seed, poll, ordered=True)
+        tour = _in_turns(sorted_points, start, tour, seed, poll, effort=min(effort, 1.0), ordered=True)
     return GeneralisedTour(by_target[tour], TourCosts.of_points(sorted_points).of_tour(tour))
 
 

@@ -116,18 +116,19 @@ def find_point_viewpoints(
             reason = _reason(free, reachable, seen, space.clearance_m, room)
         raise InfeasibleError(reason, field=_field(point))
     covered = ~space.is_open_sky(places[good])
-    ranked = np.lexsort((order[good], covered, tilt[good]))
-    best = ranked[0]
-    distance = np.linalg.norm(target - places[good], axis=1)
-    alike = np.abs(np.log(distance / distance[best])) <= math.log(OFFERED_DISTANCE) + 1e-9
-    alike &= (tilt[good] <= max(tilt[good[best]], OFFERED_TILT_DEG)) & (covered <= covered[best])
-    offered = ranked[alike[ranked]]
-    poses = []
-    for k in offered[_well_apart(places[good[offered]])]:
-        towards = target - places[good[k]]
-        pose = pose_towards(point.name, places[good[k]], towards, camera.gsd_at(float(distance[k])))
-        poses.append(replace(pose, hold_s=point.hold_s or 0.0))
-    return poses
+    ranking = np.lexsort((order[good], covered, tilt[good]))
+    ranked, covered = good[ranking], covered[ranking]
+    distance = np.linalg.norm(target - places[ranked], axis=1)
+    alike = np.abs(np.log(distance / distance[0])) <= math.log(OFFERED_DISTANCE) + 1e-9
+    alike &= (tilt[ranked] <= max(tilt[ranked[0]], OFFERED_TILT_DEG)) & (covered <= covered[0])
+    offered = places[ranked[alike]]
+    return [_pose(point, place, camera) for place in offered[_well_apart(offered)]]
+
+
+def _pose(point: NamedPoint, place: NDArray[np.float64], camera: Camera) -> ViewpointPose:
+    towards = np.asarray(point.position_m) - place
+    pose = pose_towards(point.name, place, towards, camera.gsd_at(float(np.linalg.norm(towards))))
+    return replace(pose, hold_s=point.hold_s or 0.0)
 
 
 def _well_apart(places: NDArray[np.float64]) -> list[int]:
