@@ -112,18 +112,22 @@ def find_spot_viewpoints(
     rng = np.random.default_rng(scenario.planner.seed)
     lengths = (furthest_m - scenario.safety.position_m, furthest_m)
     shown, sides = Shown.as_asked(task, scenario), _sides(task)
-    verdicts = judge_spots(scenario, structure, task, poses, space.model.fence, distance, progress)
-    left = ~np.isin(verdicts, (Verdict.SEEN, Verdict.OCCLUDED))
     added: list[ViewpointPose] = []
-    for number, spot in enumerate(task.spots):
-        if not left[number]:
-            continue
-        found = (_viewpoint(spot, task, scenario, space, sight, nearest_m, far, rng) for far in lengths)
-        pose = next((pose for pose in found if pose is not None), None)
-        if pose is not None:
-            added.append(pose)
-            left &= ~pictured_sides(*sides, [pose], shown, sight, progress, STAGE)
-    return added
+    tried = np.zeros(len(task.spots), dtype=np.bool_)
+    while True:
+        verdicts = judge_spots(scenario, structure, task, [*poses, *added], space.model.fence, distance, progress)
+        left = ~np.isin(verdicts, (Verdict.SEEN, Verdict.OCCLUDED)) & ~tried
+        if not left.any():
+            return added
+        for number, spot in enumerate(task.spots):
+            if not left[number]:
+                continue
+            tried[number] = True
+            found = (_viewpoint(spot, task, scenario, space, sight, nearest_m, far, rng) for far in lengths)
+            pose = next((pose for pose in found if pose is not None), None)
+            if pose is not None:
+                added.append(pose)
+                left &= ~pictured_sides(*sides, [pose], shown, sight, progress, STAGE)
 
 
 def _sides(task: SurfaceTask) -> Sides:

@@ -103,7 +103,9 @@ class Run:
         """The curve of a variant that is at rest at every viewpoint."""
         curves = leg_curves(self.legs_m, _with_variant(self.scenario, variant), _QUIET, space=self.scene.space)
         flown = [curve for curve in curves if curve is not None]
-        coefficients, durations, boxes = (np.concatenate(parts) for parts in zip(*flown, strict=True))
+        coefficients, durations, boxes = (
+            np.concatenate(parts) for parts in zip(*(curve[:3] for curve in flown), strict=True)
+        )
         return self._measured(coefficients, durations, boxes)
 
     def through(self, variant: Variant) -> Curve:

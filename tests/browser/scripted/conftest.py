@@ -175,7 +175,9 @@ def checks(*states: tuple[str, str, str | None]) -> flights.PreflightInfo:
         for name, state, accept in states
     ]
     ok = all(state == "ok" for _, state, _ in states)
-    return flights.PreflightInfo.model_validate({"flight_id": "flight-1", "at": NOW, "ok": ok, "checks": listed})
+    return flights.PreflightInfo.model_validate(
+        {"flight_id": "flight-1", "at": NOW, "ok": ok, "checks": listed, "prediction": None}
+    )
 
 
 @pytest.fixture
