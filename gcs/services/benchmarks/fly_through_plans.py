@@ -25,6 +25,9 @@ from gcs.storage.mesh_files import load_structure, sample_scenario
 EXPOSURES = {"quick": 1 / 8000, "slow": 1 / 1000}
 """With the first the camera limits the speed hardly anywhere, with the second at every viewpoint."""
 
+JERK_M_S3 = 6.0
+"""As of the rows `fly-*`: without a limit the profile changes its acceleration at once, which no curve here does."""
+
 SIDE = "L"
 """Names of the points on one side begin with it."""
 
@@ -57,6 +60,7 @@ def fly_through_rows(quick: bool) -> list[Row]:
 def _plan(exposure_s: float, viewpoints: str, quick: bool) -> Plan:
     asked: dict[str, Any] = sample_scenario("gantry-crane")
     asked["camera"] |= {"exposure_s": exposure_s, "min_interval_s": 0.5}
+    asked["vehicle"] |= {"max_jerk_m_s3": JERK_M_S3}
     asked["planner"] = asked.get("planner", {}) | {"viewpoints": viewpoints}
     scenario = parse_scenario(asked)
     structure, _ = load_structure(scenario.structure, Path())
