@@ -13,7 +13,6 @@ Change = tuple[float, Mapping[str, float]]
 
 _57600_BAUD_BYTES_PER_S = 5760.0
 _OTHER_TRAFFIC = 0.8
-_LINE_LEFT = {"bytes_per_s": _57600_BAUD_BYTES_PER_S * (1.0 - _OTHER_TRAFFIC), "latency_s": 0.1}
 
 
 def _from_the_start(**fields: float) -> list[Change]:

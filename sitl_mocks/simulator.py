@@ -34,8 +34,6 @@ from sitl_mocks.vehicle_options import VehicleOptions
 KINDS: dict[str, type[SimulatedVehicle]] = {"px4": Px4Vehicle, "ardupilot": ArduPilotVehicle}
 _TICK_RANGE_S = (0.003, LOGIC_S)
 _MOST_CATCH_UP_S = 0.25
-_MOST_STEP_S = 0.4
-"""Vehicle time between two looks at the sockets, so that a stall of this process is not taken for a lost stream."""
 _PARENT_CHECK_S = 0.5
 _SPACING_M = 3.0
 

@@ -14,8 +14,6 @@ if TYPE_CHECKING:
     from gcs.mavlink.station import MavlinkStation
     from gcs.storage.signing_keys import SigningKeyStore
 
-IN_THE_CLEAR = "the key goes over this link unencrypted: set signing up on a link that nobody else can hear"
-
 
 class LinkSigningService:
     """What an operator can do about signing.
