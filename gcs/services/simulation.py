@@ -71,7 +71,8 @@ class Simulator:
         self._options = options
         self._process: subprocess.Popen[str] | None = None
         self._lines: deque[str] = deque(maxlen=200)
-        self._ready = threading.Event()
+        self._ready = False
+        self._ready_or_ended = threading.Event()
         self._reader: threading.Thread | None = None
 
     def __enter__(self) -> Simulator:
@@ -80,7 +81,8 @@ class Simulator:
         )
         self._reader = threading.Thread(target=self._read, daemon=True)
         self._reader.start()
-        if not self._ready.wait(READY_TIMEOUT_S) or self._process.poll() is not None:
+        self._ready_or_ended.wait(READY_TIMEOUT_S)
+        if not self._ready or self._process.poll() is not None:
             self.__exit__(None, None, None)
             said = " / ".join(list(self._lines)[-3:]) or "it said nothing"
             raise LinkError(f"the simulated vehicle did not start: {said}", field="gcs simulate")
@@ -117,8 +119,9 @@ class Simulator:
             self._lines.append(line.rstrip())
             ready += " ready" in line
             if ready >= self._options.count:
-                self._ready.set()
-        self._ready.set()
+                self._ready = True
+                self._ready_or_ended.set()
+        self._ready_or_ended.set()
 
 
 def run_simulator(options: SimulatorOptions) -> None:

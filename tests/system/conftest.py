@@ -52,10 +52,21 @@ def deadline():
     signal.signal(signal.SIGALRM, before)
 
 
+def _own_ports():
+    """Below those that the system gives away, and for each test process others: nobody takes one before its user."""
+    worker = int(os.environ.get("PYTEST_XDIST_WORKER", "gw0").removeprefix("gw"))
+    return iter(range(20_000 + 1_000 * worker, 21_000 + 1_000 * worker))
+
+
+PORTS = _own_ports()
+
+
 def free_port(kind=socket.SOCK_DGRAM):
-    with socket.socket(socket.AF_INET, kind) as sock:
-        sock.bind(("127.0.0.1", 0))
-        return sock.getsockname()[1]
+    for port in PORTS:
+        with socket.socket(socket.AF_INET, kind) as sock, contextlib.suppress(OSError):
+            sock.bind(("127.0.0.1", port))
+            return port
+    raise AssertionError("no port is left")
 
 
 @pytest.fixture(scope="session", autouse=True)
