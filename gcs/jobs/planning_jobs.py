@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 from gcs.core.errors import GcsError, OperationCancelled
 
 if TYPE_CHECKING:
-    from distributed import Client, Future, LocalCluster
+    from distributed import Client, Future, LocalCluster, WorkerPlugin
 
 log = logging.getLogger(__name__)
 
@@ -29,6 +29,8 @@ TOPIC = "gcs-progress"
 REPORT_EVERY_S = 0.1
 CLOSE_TIMEOUT_S = 10.0
 OBEY_S = 0.7
+NICENESS = 10
+"""Of the worker processes: planning takes what the station and whatever else runs leave of the machine."""
 CANCELLED = "planning was cancelled"
 
 _CONFIG = {
@@ -206,6 +208,7 @@ class PlanningJobs:
             silence_logs=logging.ERROR,
         )
         self._client = Client(self._cluster)
+        self._client.register_plugin(_gives_way())
         self._client.subscribe_topic(TOPIC, self._on_report)
 
     def _on_report(self, event: tuple[float, tuple[str, str, float]]) -> None:
@@ -215,6 +218,17 @@ class PlanningJobs:
         tell = self._tell.get(job_id)
         if tell is not None:
             tell(stage, fraction)
+
+
+def _gives_way() -> WorkerPlugin:
+    """Has every worker process run at a low priority: from its event loop's thread, which starts those for tasks."""
+    from distributed import WorkerPlugin
+
+    class GivesWay(WorkerPlugin):  # type: ignore[misc]  # distributed has no types
+        def setup(self, worker: object) -> None:  # noqa: ARG002 - given by distributed
+            os.nice(NICENESS)
+
+    return GivesWay()
 
 
 async def _first(work: Coroutine[Any, Any, Any], asked: asyncio.Event) -> None:

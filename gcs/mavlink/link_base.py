@@ -1,7 +1,7 @@
 """What every link is: bytes in, messages out, and back to each peer with its own sequence numbers.
 
 Receiving happens in the event loop. Sending may be done from any thread: datagrams and bytes go straight to the
-non-blocking socket under a lock, because setpoints must not wait for a busy event loop.
+non-blocking socket under a lock. Setpoints are written by another process (`sender_process`), by an `Outlet`.
 """
 
 from __future__ import annotations
@@ -11,6 +11,7 @@ import socket
 import threading
 from abc import ABC, abstractmethod
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any, TypeAlias
 
 from gcs.core.errors import LinkError
@@ -25,10 +26,25 @@ CONNECT_S = 5.0
 SocketAddress: TypeAlias = tuple[Any, ...]
 
 
+@dataclass(frozen=True, eq=False)
+class Outlet:
+    """Where the packets for a peer go, for a process that writes them itself; each reconnection makes a new one.
+
+    Attributes:
+        duplicate: makes a descriptor of the link's socket or device, for the caller to close; OSError when that is
+            closed. From any thread.
+        where: address to send to; None when there is only one.
+    """
+
+    duplicate: Callable[[], int]
+    where: SocketAddress | None
+
+
 class Peer:
     """One other end of a link, to which messages can be sent from any thread.
 
     Attributes:
+        outlet: tells where the packets go now; None while the link is down.
         name: address, for people.
         heard_at: station time of its last good message; None when it was never heard.
     """
@@ -38,9 +54,11 @@ class Peer:
         name: str,
         write: Callable[[bytes], None],
         packer: FramePacker,
+        outlet: Callable[[], Outlet | None],
         signing: Callable[[], LinkSigning | None] = lambda: None,
     ) -> None:
         self.name = name
+        self.outlet = outlet
         self.heard_at: float | None = None
         self.parser = FrameParser()
         self._write = write
@@ -57,6 +75,16 @@ class Peer:
                 packet = signing.sign(packet)
             self._write(packet)
         return packet
+
+    def sign(self, packet: bytes, stream: int) -> bytes:
+        """A packet as it is to be written by somebody else: signed where the link is signed.
+
+        Args:
+            packet: as it was packed.
+            stream: 1 to 255; among the packets of one stream no signature may be older than one before.
+        """
+        signing = self._signing()
+        return packet if signing is None else signing.sign(packet, stream)
 
     def send_unsigned(self, message: Message) -> None:
         """Send as somebody without the key would."""
@@ -114,8 +142,8 @@ class Link(ABC):
     async def close(self) -> None:
         """Close it; nothing is sent or heard afterwards."""
 
-    def _new_peer(self, name: str, write: Callable[[bytes], None]) -> Peer:
-        return Peer(name, write, FramePacker(*self._own), lambda: self.signing)
+    def _new_peer(self, name: str, write: Callable[[bytes], None], outlet: Callable[[], Outlet | None]) -> Peer:
+        return Peer(name, write, FramePacker(*self._own), outlet, lambda: self.signing)
 
     def _take(self, peer: Peer, messages: list[ReceivedMessage]) -> None:
         if messages:

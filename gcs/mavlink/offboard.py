@@ -1,15 +1,18 @@
 """The offboard stream: setpoints at a fixed rate of the vehicle's clock, with a lease, a dead-man's switch and a lock.
 
-`SetpointStream` is the part without threads and sockets; `OffboardSession` runs it in a thread of its own, so that a
-busy event loop does not delay setpoints, and hands its end back to the loop. Whether a setpoint may go out is decided
-and done under one lock: when a mode change has been told to the stream, no setpoint follows.
+Setpoints are encoded a little ahead of their time, and a process of their own puts each on the link when it is due
+(`sender_process`): neither a busy event loop nor a busy machine that preempts this process makes one late. What is
+queued never reaches beyond the dead-man's switch, and gives way to new setpoints at once when the source changes.
+
+`SetpointStream` is the part without threads and processes; `OffboardSession` runs it in a thread of its own, and hands
+its end back to the event loop. When the end of the stream has been told to the session, no setpoint follows.
 """
 
 from __future__ import annotations
 
 import math
-import sys
 import threading
+import time
 from collections.abc import Awaitable, Callable
 from dataclasses import dataclass
 
@@ -20,11 +23,19 @@ from gcs.core.frames import heading_from_yaw, ned_from_enu, wrap_angle
 from gcs.mavlink.command_protocol import Target
 from gcs.mavlink.dialect import Message, mavlink
 from gcs.mavlink.events import OffboardEnd
-from gcs.mavlink.transaction import Clock, Send
+from gcs.mavlink.framing import FramePacker
+from gcs.mavlink.link_base import Outlet, Peer
+from gcs.mavlink.sender_process import SenderProcess
+from gcs.mavlink.transaction import Clock
 
 MAX_WALL_RATE_HZ = 400.0
-SWITCH_S = 5e-4
-"""For so long the interpreter lets another thread go on while this one waits; its own 5 ms would show in the rate."""
+AHEAD_S = 0.4
+"""So far ahead of their time setpoints are encoded: for longer a busy machine hardly keeps this process from it."""
+TOP_UP_S = 0.05
+"""When none is written, further ones are queued all the same as often as this."""
+COMPONENT = int(mavlink.MAV_COMP_ID_PATHPLANNER)
+"""Setpoints come from a component of their own: its packets' numbers follow each other, whatever else the station sends
+between the time when one is encoded and the time when it is due."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,7 +61,9 @@ class Setpoint:
 
 
 SetpointSource = Callable[[float], Setpoint | None]
-"""Setpoint at a time of the vehicle's clock (s since boot), None at the end; called in the stream's thread."""
+"""Setpoint at a time of the vehicle's clock (s since boot), None at the end; called in the stream's thread.
+
+It is asked ahead, in order; and again from the present on, when what it said for later is not to be sent."""
 
 
 def setpoint_message(setpoint: Setpoint, vehicle_s: float, target: Target) -> Message:
@@ -78,30 +91,46 @@ def setpoint_message(setpoint: Setpoint, vehicle_s: float, target: Target) -> Me
     )
 
 
-class SetpointStream:
-    """Decides for each setpoint whether it may still go out, and sends it.
+@dataclass(frozen=True)
+class Batch:
+    """Setpoints that are to be queued.
 
-    Safe to use from several threads.
+    Attributes:
+        messages: and when each is due (station s), in order.
+        replaces: in place of all that were queued before and have not gone out.
+    """
+
+    messages: tuple[tuple[float, Message], ...] = ()
+    replaces: bool = False
+
+
+class SetpointStream:
+    """Decides which setpoints may go out, and when, a little ahead.
+
+    Safe to use from several threads, but for `next_batch`, which is for one.
 
     Args:
         target: system and component of the autopilot.
-        send: puts a message on the link, from any thread.
         clock: monotonic seconds.
-        deadman_s: for how long it goes on without `feed`.
+        deadman_s: no setpoint goes out longer than this after a `feed`.
         source: of the first setpoints.
+
+    Attributes:
+        deadman_s: see above.
     """
 
-    def __init__(self, *, target: Target, send: Send, clock: Clock, deadman_s: float, source: SetpointSource) -> None:
+    def __init__(self, *, target: Target, clock: Clock, deadman_s: float, source: SetpointSource) -> None:
         self._target = target
-        self._send = send
         self._clock = clock
-        self._deadman_s = deadman_s
+        self.deadman_s = deadman_s
         self._source = source
+        self._replaces = False
         self._lock = threading.Lock()
         self._fed_at = clock()
-        self._stepped_at: float | None = None
+        self._asked_at: float | None = None
+        self._queued_until: float | None = None
+        self._finished_at = math.inf
         self._end: tuple[OffboardEnd, str] | None = None
-        self.sent = 0
 
     @property
     def end(self) -> tuple[OffboardEnd, str] | None:
@@ -114,12 +143,18 @@ class SetpointStream:
             self._fed_at = self._clock()
 
     def follow(self, source: SetpointSource) -> None:
-        """Take the setpoints from another source from now on."""
+        """Take the setpoints from a source, or anew from the same, from now on: what is queued is not to go out."""
         with self._lock:
             self._source = source
+            self._replaces = True
+
+    def replace(self) -> None:
+        """Take the setpoints anew from now on: what is queued is not to go out, or cannot."""
+        with self._lock:
+            self._replaces = True
 
     def stop(self, end: OffboardEnd, detail: str = "") -> bool:
-        """End it; after the return no setpoint goes out. False when it had ended before."""
+        """End it: there is no further batch. False when it had ended before."""
         with self._lock:
             return self._stop(end, detail)
 
@@ -129,51 +164,77 @@ class SetpointStream:
         self._end = (end, detail or end.value)
         return True
 
-    def step(self, vehicle_s: float) -> bool:
-        """Send the setpoint of a time of the vehicle's clock; False when the stream has ended."""
+    def next_batch(self, vehicle_at: Callable[[float], float], rate_hz: float) -> Batch:
+        """The setpoints that are to be queued now; none, and `end` says why, when the stream has ended.
+
+        Args:
+            vehicle_at: the vehicle's clock at a time of the station's.
+            rate_hz: setpoints per second of the station's clock.
+        """
         with self._lock:
             now = self._clock()
-            silent_s = now - self._fed_at
-            # A process that stood still feeds again before the vehicle's change of mode is heard: no setpoint may
-            # make the vehicle chase a plan that has run on.
-            gap_s = 0.0 if self._stepped_at is None else now - self._stepped_at
-            self._stepped_at = now
-            if silent_s > self._deadman_s:
-                self._stop(OffboardEnd.DEADMAN, f"its owner did not feed it for {silent_s:.1f} s")
-            elif gap_s > self._deadman_s:
-                self._stop(OffboardEnd.DEADMAN, f"it was interrupted for {gap_s:.1f} s")
+            self._judge(now)
             if self._end is not None:
-                return False
-            source = self._source
+                return Batch()
+            source, replaces, self._replaces = self._source, self._replaces, False
+            until = min(now + AHEAD_S, self._fed_at + self.deadman_s)
+        if replaces:
+            self._finished_at = math.inf
+        messages = []
         try:
-            setpoint = source(vehicle_s)
-            message = None if setpoint is None else setpoint_message(setpoint, vehicle_s, self._target)
+            due = self._next_due(now, 1.0 / rate_hz, replaces=replaces)
+            while due <= until and self._finished_at == math.inf:
+                vehicle_s = vehicle_at(due)
+                setpoint = source(vehicle_s)
+                if setpoint is None:
+                    self._finished_at = due
+                else:
+                    messages.append((due, setpoint_message(setpoint, vehicle_s, self._target)))
+                    self._queued_until = due
+                due += 1.0 / rate_hz
         except Exception as error:  # the source is foreign code: whatever it raises ends the stream
             self.stop(OffboardEnd.SOURCE_FAILED, f"the source of setpoints failed: {error}")
-            return False
         with self._lock:
-            took_s = self._clock() - now
-            if message is None:
-                self._stop(OffboardEnd.FINISHED)
-            elif took_s > self._deadman_s:
-                self._stop(OffboardEnd.DEADMAN, f"it was interrupted for {took_s:.1f} s")
-            if self._end is not None:
-                return False
-            self._send(message)
-            self.sent += 1
-            return True
+            self._interrupted(self._clock() - now)
+            return Batch() if self._end is not None else Batch(tuple(messages), replaces)
+
+    def _judge(self, now: float) -> None:
+        silent_s = now - self._fed_at
+        if silent_s > self.deadman_s:
+            self._stop(OffboardEnd.DEADMAN, f"its owner did not feed it for {silent_s:.1f} s")
+        # A process that stood still feeds again before the vehicle's change of mode is heard: no setpoint may make the
+        # vehicle chase a plan that has run on.
+        self._interrupted(0.0 if self._asked_at is None else now - self._asked_at)
+        self._asked_at = now
+        if now >= self._finished_at and not self._replaces:
+            self._stop(OffboardEnd.FINISHED)
+
+    def _interrupted(self, seconds: float) -> None:
+        if seconds > self.deadman_s:
+            self._stop(OffboardEnd.DEADMAN, f"it was interrupted for {seconds:.1f} s")
+
+    def _next_due(self, now: float, period_s: float, *, replaces: bool) -> float:
+        """When the first setpoint of a batch is due: in step with those before it that go out."""
+        last = self._queued_until
+        if last is None:
+            return now
+        if not replaces and last + period_s >= now:
+            return last + period_s
+        return last + (math.floor((now - last) / period_s) + 1) * period_s
 
 
 class OffboardSession:
-    """A lease on a vehicle's setpoints, and the thread that sends them.
+    """A lease on a vehicle's setpoints, the thread that encodes them, and the process that sends them.
 
     Made by `Vehicle.offboard`. The owner calls `feed` at least every `deadman_s` seconds of its own time.
 
     Args:
         owner: who holds the lease, for people.
         stream: what to send.
-        clock: monotonic seconds.
-        vehicle_now: the vehicle's clock (s since boot), safe to call from any thread.
+        own_system: this station's system id.
+        peer: tells whom to send to now; from any thread.
+        passed: told of each packet that went out; from any thread.
+        vehicle_at: the vehicle's clock (s since boot) at a monotonic time, safe to call from any thread.
         clock_rate: vehicle seconds per station second, likewise.
         rate_hz: setpoints per second of the vehicle's clock.
         on_end: called once, in the stream's thread, when it ended.
@@ -185,8 +246,10 @@ class OffboardSession:
         owner: str,
         stream: SetpointStream,
         *,
-        clock: Clock,
-        vehicle_now: Callable[[], float],
+        own_system: int,
+        peer: Callable[[], Peer | None],
+        passed: Callable[[bytes], None],
+        vehicle_at: Callable[[float], float],
         clock_rate: Callable[[], float],
         rate_hz: float,
         on_end: Callable[[OffboardSession], None],
@@ -194,14 +257,19 @@ class OffboardSession:
     ) -> None:
         self.owner = owner
         self._stream = stream
-        self._clock = clock
-        self._vehicle_now = vehicle_now
+        self._peer = peer
+        self._passed = passed
+        self._vehicle_at = vehicle_at
         self._clock_rate = clock_rate
         self._rate_hz = rate_hz
         self._on_end = on_end
-        self._wake = threading.Event()
-        self._thread = threading.Thread(target=self._run, name=f"offboard {owner}", daemon=True)
         self._leave = leave
+        self._packer = FramePacker(own_system, COMPONENT)
+        self._outlet: Outlet | None = None
+        self._sender: SenderProcess | None = None
+        self._sent = 0
+        self._counting = threading.Lock()
+        self._thread = threading.Thread(target=self._run, name=f"offboard {owner}", daemon=True)
 
     @property
     def active(self) -> bool:
@@ -216,18 +284,18 @@ class OffboardSession:
     @property
     def setpoints_sent(self) -> int:
         """How many setpoints went out."""
-        return self._stream.sent
+        return self._sent
 
     def vehicle_now(self) -> float:
         """The vehicle's clock (s since boot), on which the source is asked."""
-        return self._vehicle_now()
+        return self._vehicle_at(time.monotonic())
 
     def feed(self) -> None:
         """Say that the owner is alive."""
         self._stream.feed()
 
     def fly(self, source: SetpointSource) -> None:
-        """Follow a source from now on, instead of hovering."""
+        """Follow a source from now on, instead of hovering; or the same anew, when it has something else to say."""
         self._stream.follow(source)
 
     async def stop(self) -> None:
@@ -241,28 +309,61 @@ class OffboardSession:
             await self._leave(self)
 
     def start(self) -> None:
-        """Begin to send."""
-        sys.setswitchinterval(min(sys.getswitchinterval(), SWITCH_S))
+        """Begin to send.
+
+        Raises:
+            GcsError: the system does not start the process that sends.
+        """
+        self._sender = SenderProcess(self._stream.deadman_s)
         self._thread.start()
 
     def halt(self, end: OffboardEnd, detail: str = "") -> None:
         """End the stream at once; after the return no setpoint goes out."""
         self._stream.stop(end, detail)
-        self._wake.set()
+        if self._sender is not None:
+            self._sender.halt()
+            while packet := self._sender.written():
+                self._count(packet)
 
     def join(self, timeout_s: float) -> None:
         """Wait for the thread's end."""
         self._thread.join(timeout_s)
 
     def _run(self) -> None:
-        clock = self._clock
-        due = clock()
+        sender = self._sender
+        if sender is None:
+            raise RuntimeError("the session was not started")
         try:
-            while self._stream.step(self._vehicle_now()):
-                wall_rate = min(self._rate_hz * max(self._clock_rate(), 0.1), MAX_WALL_RATE_HZ)
-                due = max(due + 1.0 / wall_rate, clock() - 1.0 / wall_rate)
-                if self._wake.wait(max(0.0, due - clock())):
-                    break
+            while not sender.ended and self._stream.end is None:
+                if sender.ready:
+                    self._queue(sender)
+                packet = sender.written(TOP_UP_S)
+                if packet is not None:
+                    self._count(packet)
         finally:
-            self._stream.stop(OffboardEnd.SOURCE_FAILED, "the thread that sends setpoints failed")
+            if sender.stood_still:
+                self.halt(OffboardEnd.DEADMAN, "the process that sends setpoints was interrupted")
+            else:
+                self.halt(OffboardEnd.SOURCE_FAILED, "the process or thread that sends setpoints failed")
+            sender.close()
             self._on_end(self)
+
+    def _queue(self, sender: SenderProcess) -> None:
+        peer = self._peer()
+        outlet = None if peer is None else peer.outlet()
+        if outlet is not self._outlet:
+            self._outlet = outlet
+            self._stream.replace()  # what is queued was signed for another link
+            sender.use(outlet)
+        batch = self._stream.next_batch(self._vehicle_at, self._wall_rate_hz())
+        if peer is not None and (batch.messages or batch.replaces):
+            packets = [(due, peer.sign(self._packer.pack(m), m.target_system)) for due, m in batch.messages]
+            sender.queue(packets, replaces=batch.replaces)
+
+    def _wall_rate_hz(self) -> float:
+        return min(self._rate_hz * max(self._clock_rate(), 0.1), MAX_WALL_RATE_HZ)
+
+    def _count(self, packet: bytes) -> None:
+        with self._counting:
+            self._sent += 1
+        self._passed(packet)

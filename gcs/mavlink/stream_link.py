@@ -12,7 +12,7 @@ from typing import Any
 
 from gcs.core.errors import LinkError
 from gcs.mavlink.framing import FrameParser
-from gcs.mavlink.link_base import CONNECT_S, Link, OnMessage, Peer, error_words, resolve
+from gcs.mavlink.link_base import CONNECT_S, Link, OnMessage, Outlet, Peer, error_words, resolve
 from gcs.mavlink.link_url import LinkAddress
 from gcs.mavlink.transaction import Clock
 
@@ -31,9 +31,10 @@ class StreamLink(Link):
         self._lock = threading.Lock()
         self._unsent = bytearray()
         self._descriptor: int | None = None
+        self._outlet: Outlet | None = None
         self._loop: asyncio.AbstractEventLoop | None = None
         self._reopening: asyncio.Task[None] | None = None
-        self._peer = self._new_peer(f"{address.place}:{address.number}", self._write)
+        self._peer = self._new_peer(f"{address.place}:{address.number}", self._write, lambda: self._outlet)
 
     @property
     def up(self) -> bool:
@@ -71,15 +72,22 @@ class StreamLink(Link):
         with self._lock:
             self._unsent.clear()
             self._descriptor = descriptor
+            self._outlet = Outlet(self._duplicate, None)
         self._running_loop.add_reader(descriptor, self._readable)
 
     def _detach(self) -> None:
         with self._lock:
-            descriptor, self._descriptor = self._descriptor, None
+            descriptor, self._descriptor, self._outlet = self._descriptor, None, None
         if descriptor is not None:
             self._running_loop.remove_reader(descriptor)
             self._running_loop.remove_writer(descriptor)
             self._disconnect()
+
+    def _duplicate(self) -> int:
+        with self._lock:
+            if self._descriptor is None:
+                raise OSError("the link is down")
+            return os.dup(self._descriptor)
 
     @property
     def _running_loop(self) -> asyncio.AbstractEventLoop:

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import asyncio
 import logging
+import os
 import socket
+import threading
 from dataclasses import replace
 
 from gcs.core.errors import LinkError
-from gcs.mavlink.link_base import Link, OnMessage, Peer, SocketAddress, error_words, resolve
+from gcs.mavlink.link_base import Link, OnMessage, Outlet, Peer, SocketAddress, error_words, resolve
 from gcs.mavlink.link_url import LinkAddress, LinkKind
 from gcs.mavlink.transaction import Clock
 
@@ -28,6 +30,7 @@ class UdpLink(Link):
     def __init__(self, address: LinkAddress, own: tuple[int, int], on_message: OnMessage, clock: Clock) -> None:
         super().__init__(address, own, on_message, clock)
         self._socket: socket.socket | None = None
+        self._closing = threading.Lock()
         self._peers: dict[SocketAddress, Peer] = {}
         self._remote: SocketAddress | None = None
 
@@ -70,11 +73,18 @@ class UdpLink(Link):
 
     async def close(self) -> None:
         """See Link."""
-        sock, self._socket = self._socket, None
+        with self._closing:
+            sock, self._socket = self._socket, None
         self._peers.clear()
         if sock is not None:
             asyncio.get_running_loop().remove_reader(sock.fileno())
             sock.close()
+
+    def _duplicate(self) -> int:
+        with self._closing:
+            if self._socket is None:
+                raise OSError("the link is closed")
+            return os.dup(self._socket.fileno())
 
     def _peer_at(self, where: SocketAddress) -> Peer:
         def write(data: bytes) -> None:
@@ -89,7 +99,8 @@ class UdpLink(Link):
             except OSError as error:
                 log.debug("%s: datagram to %s lost: %s", self.url, where, error)
 
-        return self._new_peer(f"{where[0]}:{where[1]}", write)
+        outlet = Outlet(self._duplicate, where if self._remote is None else None)
+        return self._new_peer(f"{where[0]}:{where[1]}", write, lambda: outlet if self.up else None)
 
     def _readable(self) -> None:
         for _ in range(DATAGRAMS_AT_ONCE):
@@ -104,10 +115,10 @@ class UdpLink(Link):
     def _datagram(self, data: bytes, where: SocketAddress) -> None:
         peer = self._peers.get(where)
         if peer is not None:
-            self._take(peer, peer.parser.feed(data))
+            self._take(peer, peer.parser.feed_datagram(data))
             return
         peer = self._peer_at(where)
-        messages = peer.parser.feed(data)
+        messages = peer.parser.feed_datagram(data)
         if messages and self._has_room():
             self._peers[where] = peer
             self._take(peer, messages)

@@ -95,14 +95,14 @@ class OffboardFlight:
         self._collector = collector
         self._session: OffboardSession | None = None
         leave, enter = column_times(plan)
-        self._clock = PlanClock(warp.time_of(leave), slew=SLEW, paused=True)
+        self._clock = PlanClock(warp.time_of(leave), slew=SLEW, paused=True, vehicle_now=self._vehicle_now)
         self._land_at_s = warp.time_of(enter)
         self._take_off_m = float(plan.trajectory.value(leave)[2])
         self._rotation = np.eye(3)
         self._shift = np.zeros(3)
         self._known_before = learned
         self._feed_forward = StreamFeedForward(accelerates=vehicle.takes_acceleration_forward, learned=learned)
-        self._due_s = self._clock.time_s
+        self._lead_s = 0.0
         self._passing = PassingPictures(vehicle, collector, recorder)
 
     @property
@@ -118,10 +118,12 @@ class OffboardFlight:
     def pause(self) -> None:
         """Slow down to a hover; the stream goes on."""
         self._clock.pause()
+        self._stream_anew()
 
     def resume(self) -> None:
         """Go on after a pause."""
         self._clock.resume()
+        self._stream_anew()
 
     @property
     def streaming(self) -> bool:
@@ -153,20 +155,19 @@ class OffboardFlight:
         feeding = asyncio.create_task(self._feed(session))
         self._vehicle.on_motion = self._learn
         try:
-            session.fly(self.setpoint)
+            self.resume()
             on_flying()
-            self._clock.resume()
             viewpoints = self._plan.viewpoints
             for previous, viewpoint in zip((None, *viewpoints[:-1]), viewpoints, strict=True):
-                self._clock.gate_s = self._next_gate_s(viewpoint)
+                self._open_to(self._next_gate_s(viewpoint))
                 if viewpoint.stops:
                     await self._photograph(viewpoint, previous)
                 else:
                     await self._photograph_in_passing(viewpoint, previous)
-            self._clock.gate_s = math.inf
+            self._open_to(math.inf)
             stop_at_s = self._land_at_s - 0.5 / SLEW
             await self._until(lambda: self._clock.time_s >= stop_at_s, math.inf, "the way home")
-            self._clock.pause()
+            self.pause()
             await self._until(lambda: self._clock.stopped, math.inf, "the vehicle to stop over home")
             await self._vehicle.land()
             await self._passing.settle()
@@ -189,22 +190,46 @@ class OffboardFlight:
         )
 
     def setpoint(self, vehicle_s: float) -> Setpoint | None:
-        """The setpoint at a time of the vehicle's clock; called from the stream's thread."""
+        """The setpoint at a time of the vehicle's clock, a little ahead of it; called from the stream's thread."""
         now = self._clock.read(vehicle_s)
         learned = self._feed_forward.at(vehicle_s)
         ahead_s = min(now.time_s + learned.tilt_lead_s * now.rate, max(self._clock.gate_s, now.time_s))
         (position, _), (velocity, velocity_ahead), (_, acceleration) = self._on_plan(
             now, np.array([now.time_s, ahead_s])
         )
-        self._due_s = now.time_s - learned.lead_s * now.rate
+        self._lead_s = learned.lead_s
+        yaw_s = now.time_s - learned.lead_s * now.rate
         setpoint = Setpoint(
             position_m=self._rotation @ position + self._shift,
             velocity_m_s=self._rotation @ velocity,
             acceleration_m_s2=self._rotation @ (acceleration + learned.drag_s * velocity_ahead * HORIZONTAL),
-            yaw_rad=wrap_angle(float(self._plan.yaw.value(self._warp.plan_time(self._due_s)))),
+            yaw_rad=wrap_angle(float(self._plan.yaw.value(self._warp.plan_time(yaw_s)))),
         )
         self._feed_forward.sent(vehicle_s, setpoint.position_m, setpoint.velocity_m_s)
         return setpoint
+
+    @property
+    def _due_s(self) -> float:
+        """Time of the place where the vehicle is due now, which is behind its setpoints."""
+        now = self._clock.now
+        return now.time_s - self._lead_s * now.rate
+
+    def _vehicle_now(self) -> float:
+        """The vehicle's clock, if it is known."""
+        try:
+            return math.inf if self._session is None else self._session.vehicle_now()
+        except LinkError:
+            return math.inf
+
+    def _open_to(self, gate_s: float) -> None:
+        if gate_s != self._clock.gate_s:
+            self._clock.gate_s = gate_s
+            self._stream_anew()
+
+    def _stream_anew(self) -> None:
+        """Have what was changed take effect at once: setpoints that were made before are not to go out."""
+        if self._session is not None:
+            self._session.fly(self.setpoint)
 
     def _on_plan(self, now: ClockReading, times_s: NDArray[np.float64]) -> list[NDArray[np.float64]]:
         """Positions, velocities and accelerations at times of the clock, shape (n, 3), as fast as it runs now."""

@@ -1,12 +1,20 @@
-"""The clock an offboard flight is flown by: it follows the vehicle's time, halts at gates, slows down and goes on."""
+"""The clock an offboard flight is flown by: it follows the vehicle's time, halts at gates, slows down and goes on.
+
+It is read ahead of the vehicle's time by the stream that encodes setpoints, and may be read again from an earlier time
+on, when a gate has moved or a pause begun; everybody else asks where it stands now.
+"""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 
 MAX_STEP_S = 1.0
 """A jump of the vehicle's clock beyond this (a stall, a reboot) does not move the plan."""
+
+KEPT = 256
+"""Readings that are remembered: more than are ahead of the vehicle's time."""
 
 
 @dataclass(frozen=True)
@@ -16,6 +24,15 @@ class ClockReading:
     time_s: float
     rate: float
     rate_change: float
+
+
+@dataclass(frozen=True)
+class _Read:
+    """A reading, the vehicle time (s) that it is of, and the rate beside which a gate may hold the clock."""
+
+    vehicle_s: float
+    pace: float
+    reading: ClockReading
 
 
 class PlanClock:
@@ -29,25 +46,39 @@ class PlanClock:
         start_s: plan time to begin at.
         slew: largest change of the rate per second of vehicle time.
         paused: begin at a standstill, and wait for `resume`.
+        vehicle_now: tells the vehicle's time now; by default, that of the last reading.
     """
 
-    def __init__(self, start_s: float = 0.0, *, slew: float = 0.4, paused: bool = False) -> None:
-        self._time = start_s
-        self._rate = 0.0 if paused else 1.0
+    def __init__(
+        self,
+        start_s: float = 0.0,
+        *,
+        slew: float = 0.4,
+        paused: bool = False,
+        vehicle_now: Callable[[], float] = lambda: math.inf,
+    ) -> None:
+        pace = 0.0 if paused else 1.0
+        self._reads: tuple[_Read, ...] = (_Read(-math.inf, pace, ClockReading(start_s, pace, 0.0)),)
         self._slew = slew
         self._paused = paused
-        self._vehicle_s: float | None = None
+        self._vehicle_now = vehicle_now
         self.gate_s = math.inf
 
     @property
+    def now(self) -> ClockReading:
+        """What was read for the vehicle's time now."""
+        return self._now().reading
+
+    @property
     def time_s(self) -> float:
-        """The plan time last read."""
-        return self._time
+        """The plan time now."""
+        return self.now.time_s
 
     @property
     def stopped(self) -> bool:
         """Whether plan time stands still, at a gate or in a pause."""
-        return self._rate == 0.0 or self._time >= self.gate_s
+        now = self._now()
+        return now.pace == 0.0 or now.reading.time_s >= self.gate_s
 
     def pause(self) -> None:
         """Slow down to a stop."""
@@ -58,15 +89,25 @@ class PlanClock:
         self._paused = False
 
     def read(self, vehicle_s: float) -> ClockReading:
-        """Advance to a vehicle time (s) and tell the plan time there."""
-        step = 0.0 if self._vehicle_s is None else min(max(vehicle_s - self._vehicle_s, 0.0), MAX_STEP_S)
-        self._vehicle_s = vehicle_s
+        """Advance to a vehicle time (s) and tell the plan time there; readings of later times are forgotten."""
+        last = self._before(vehicle_s)
+        step = 0.0 if last.vehicle_s == -math.inf else min(max(vehicle_s - last.vehicle_s, 0.0), MAX_STEP_S)
         target = 0.0 if self._paused else 1.0
-        change = min(max(target - self._rate, -self._slew * step), self._slew * step)
-        time = self._time + (self._rate + change / 2) * step
-        self._rate += change
+        change = min(max(target - last.pace, -self._slew * step), self._slew * step)
+        time, pace = last.reading.time_s + (last.pace + change / 2) * step, last.pace + change
         if time >= self.gate_s:
-            self._time = max(self._time, self.gate_s)
-            return ClockReading(self._time, 0.0, 0.0)
-        self._time = time
-        return ClockReading(time, self._rate, change / step if step > 0 else 0.0)
+            reading = ClockReading(max(last.reading.time_s, self.gate_s), 0.0, 0.0)
+        else:
+            reading = ClockReading(time, pace, change / step if step > 0 else 0.0)
+        kept = tuple(read for read in self._reads[-KEPT:] if -math.inf < read.vehicle_s < vehicle_s)
+        self._reads = (*kept, _Read(vehicle_s, pace, reading))
+        return reading
+
+    def _before(self, vehicle_s: float) -> _Read:
+        """The reading to go on from: the last one, when the vehicle's clock went back further than is remembered."""
+        reads = self._reads
+        return next((read for read in reversed(reads) if read.vehicle_s < vehicle_s), reads[-1])
+
+    def _now(self) -> _Read:
+        reads, vehicle_s = self._reads, self._vehicle_now()
+        return next((read for read in reversed(reads) if read.vehicle_s <= vehicle_s), reads[0])

@@ -26,8 +26,8 @@ if TYPE_CHECKING:
 
     from gcs.core.motion import MotionSample
 
-SENT_KEPT = 256
-"""Setpoints that are remembered: five seconds of a stream."""
+SENT_KEPT = 512
+"""Setpoints that are remembered: ten seconds of a stream, of which some are ahead."""
 
 MOST_APART_S = 0.3
 """A sample of the vehicle's motion this long after the last setpoint says nothing about how that is followed."""
@@ -76,7 +76,7 @@ class StreamFeedForward:
         return self._present
 
     def sent(self, vehicle_s: float, position_m: NDArray[np.float64], velocity_m_s: NDArray[np.float64]) -> None:
-        """A setpoint goes out.
+        """A setpoint is to go out, and none that was told of for a later time.
 
         Args:
             vehicle_s: on the vehicle's clock.
@@ -84,6 +84,8 @@ class StreamFeedForward:
             velocity_m_s: likewise.
         """
         with self._lock:
+            while self._sent and self._sent[-1][0] >= vehicle_s:
+                self._sent.pop()
             self._sent.append((vehicle_s, position_m, velocity_m_s))
 
     def learn(self, sample: MotionSample) -> None:

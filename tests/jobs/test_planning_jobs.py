@@ -6,13 +6,14 @@ import signal
 import subprocess
 import sys
 import time
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import psutil
 import pytest
 
 from gcs.core.errors import GcsError, InfeasibleError, OperationCancelled
-from gcs.jobs.planning_jobs import PlanningJobs
+from gcs.jobs.planning_jobs import NICENESS, PlanningJobs
 
 pytestmark = pytest.mark.system
 
@@ -23,6 +24,11 @@ def add(progress, a, b):
     progress.report("adding", 0.5)
     progress.report("adding", 1.0)
     return a + b, os.getpid()
+
+
+def priorities(progress):
+    with ThreadPoolExecutor(1) as pool:
+        return [os.getpriority(os.PRIO_PROCESS, 0), pool.submit(os.getpriority, os.PRIO_PROCESS, 0).result()]
 
 
 def refuse(progress):
@@ -156,6 +162,14 @@ async def test_a_worker_that_dies_is_a_failed_job_and_the_next_one_runs(jobs):
     with pytest.raises(GcsError, match="process died"):
         await jobs.run("dying", die, tell=lambda *_: None)
     assert (await jobs.run("next", add, 1, 2, tell=lambda *_: None))[0] == 3
+
+
+async def test_planning_gives_way_to_whatever_else_the_station_does_also_in_a_worker_that_was_replaced(jobs):
+    low = min(os.getpriority(os.PRIO_PROCESS, 0) + NICENESS, 19)
+    assert await jobs.run("first", priorities, tell=lambda *_: None) == [low, low]
+    with pytest.raises(GcsError, match="process died"):
+        await jobs.run("dying", die, tell=lambda *_: None)
+    assert await jobs.run("next", priorities, tell=lambda *_: None) == [low, low]
 
 
 def test_no_process_outlives_a_killed_station(tmp_path):

@@ -163,6 +163,61 @@ def test_the_yaw_follows_the_vehicle_and_not_the_lead_of_the_stream(make_flight)
     assert flight._warp.plan_time(flight._clock.time_s) - flight.plan_time_s == pytest.approx(0.3, rel=0.5)
 
 
+class AheadSession:
+    """Asks for setpoints up to 0.3 s ahead of the vehicle's time, and for all of them again when it is told to."""
+
+    active = True
+
+    def __init__(self):
+        self.now = 0.0
+        self.queue = {}
+        self.flown = []
+
+    def vehicle_now(self):
+        return self.now
+
+    def fly(self, source):
+        self.source = source
+        self.queue.clear()
+
+    def run(self, until):
+        while self.now < until:
+            for k in range(1, 16):
+                due = round(self.now + 0.02 * k, 2)
+                if due not in self.queue:
+                    self.queue[due] = self.source(due)
+            self.now = round(self.now + 0.02, 2)
+            self.flown.append(self.queue.pop(self.now))
+
+
+def test_setpoints_made_ahead_change_neither_what_is_flown_nor_where_it_is_told_to_be(make_flight):
+    flights = make_flight(), make_flight()
+    ahead = flights[0]._session = AheadSession()
+    ahead.fly(flights[0].setpoint)
+    told, just_in_time = [], []
+    for t in np.arange(0.02, 16.0, 0.02):
+        if t == pytest.approx(0.1):
+            for flight in flights:
+                flight.resume()
+                flight._open_to(flight._warp.time_of(20.0))
+        if t == pytest.approx(6.0):
+            [flight.pause() for flight in flights]
+        if t == pytest.approx(9.0):
+            [flight.resume() for flight in flights]
+        if t == pytest.approx(15.0):
+            [flight._open_to(math.inf) for flight in flights]
+        ahead.run(round(t, 2))
+        just_in_time.append(flights[1].setpoint(round(t, 2)))
+        told.append(flights[0].plan_time_s - flights[1].plan_time_s)
+    for one, other in zip(ahead.flown, just_in_time, strict=True):
+        assert one.position_m == pytest.approx(other.position_m, abs=1e-9)
+        assert one.velocity_m_s == pytest.approx(other.velocity_m_s, abs=1e-9)
+        assert one.acceleration_m_s2 == pytest.approx(other.acceleration_m_s2, abs=1e-9)
+    assert np.abs(told).max() < 1e-9
+    sent = [s[0] for s in flights[0]._feed_forward._sent]
+    assert sent == sorted(set(sent)), "what was made anew is remembered once"
+
+
 def test_the_clock_halts_at_stops_only(plan, flight):
     plan.viewpoints = [
         SimpleNamespace(time_s=t, stops=stops) for t, stops in ((14.0, False), (20.0, True), (23.0, False))

@@ -63,3 +63,38 @@ def test_it_can_begin_at_a_standstill_and_pick_up_speed():
     clock.resume()
     assert clock.read(1.5).rate == pytest.approx(0.25)
     assert clock.read(2.0).time_s == pytest.approx(7.0 + 0.5 * 0.5 * 1.0**2)
+
+
+def test_read_ahead_it_tells_where_it_stands_now():
+    now = 10.0
+    clock = PlanClock(5.0, vehicle_now=lambda: now)
+    assert clock.time_s == 5.0
+    clock.gate_s = 5.15
+    for t in np.arange(10.0, 10.41, 0.1):
+        clock.read(float(t))
+    assert clock.time_s == 5.0
+    assert not clock.stopped, "the gate is ahead"
+    now = 10.15
+    assert clock.now.time_s == pytest.approx(5.1)
+    now = 10.25
+    assert clock.now.rate == 0.0
+    assert clock.stopped
+
+
+@pytest.mark.parametrize("change", ["gate", "pause"])
+def test_what_was_read_ahead_is_taken_back_when_it_is_read_again(change):
+    ahead, anew = PlanClock(slew=0.5), PlanClock(slew=0.5)
+    for clock in (ahead, anew):
+        clock.gate_s = 1.0
+        for k in range(51):
+            clock.read(k * 0.02)
+    for k in range(51, 80):
+        ahead.read(k * 0.02)
+    for clock in (ahead, anew):
+        if change == "gate":
+            clock.gate_s = 9.0
+        else:
+            clock.pause()
+        for k in range(51, 200):
+            clock.read(k * 0.02)
+    assert ahead.now == anew.now
