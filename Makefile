@@ -23,7 +23,7 @@ $(UV):
 .venv/bin/python: | $(UV)
 	$(UV) venv --quiet --allow-existing --python $(PYTHON) .venv
 
-.venv/.installed: requirements.lock pyproject.toml hatch_build.py $(WEB_SOURCES) | .venv/bin/python
+.venv/.installed: requirements.lock pyproject.toml hatch_build.py gcs/mavlink/replanning.xml $(WEB_SOURCES) | .venv/bin/python
 	$(UV) pip install --quiet --compile-bytecode --python $(BIN)/python --require-hashes -r requirements.lock
 	$(UV) pip install --quiet --compile-bytecode --python $(BIN)/python --no-deps --editable .
 	$(BIN)/python -m gcs.services.warm_up
@@ -59,4 +59,4 @@ lock: | $(UV)
 	  --no-annotate --no-header -c requirements.lock -o requirements-dev.lock
 
 clean:
-	rm -rf .tools .venv web/node_modules gcs/api/dashboard
+	rm -rf .tools .venv web/node_modules gcs/api/dashboard gcs/mavlink/replanning_dialect.py

@@ -6,8 +6,9 @@ this one is given, so that everything behind a report can be tried.
 
 from __future__ import annotations
 
+import hashlib
+import math
 import struct
-import zlib
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
@@ -20,10 +21,16 @@ if TYPE_CHECKING:
     from sitl_mocks.vehicle import SimulatedVehicle
 
 PAYLOAD_TYPE = 0x8247
-MAGIC, VERSION = b"GR", 1
-REPORT, REPORT_ACK, PLAN_ANNOUNCE, PLAN_ANNOUNCE_ACK = 1, 2, 3, 4
-HEADER = struct.Struct("<2sBBIHBB")
-FRAGMENT_SIZE = 116
+HEAD = struct.Struct("<HB")
+REPORT, PIECE, ACK = (62470, 153), (62471, 128), (62473, 228)
+"""Message number and CRC_EXTRA."""
+PLAN_ANNOUNCE, PLAN_ANNOUNCE_ACK = (62474, 63), (62475, 242)
+REPORT_BODY = struct.Struct("<IIIiiffffHhHH32s32sB")
+PIECE_BODY = struct.Struct("<I9i9i9fHHB")
+ACK_BODY = struct.Struct("<IHB")
+HASH_BYTES = 32
+POINTS_EACH = 9
+STANDING_OBSTACLE = 1
 RESEND_S = 1.0
 
 HEIGHT_M = 2.0
@@ -35,7 +42,6 @@ _LONG_LEG_M = 10.0
 _STEEPEST = 0.8
 """Steeper than this (sine of the slope) a leg is a climb or a descent, and a detour upward would be none."""
 _SAMPLE_S = 0.2
-REASON = "simulated obstacle: rose above it"
 
 
 class Replanner:
@@ -158,45 +164,54 @@ class Replanner:
         self._path.append(vehicle.airframe.position_m)
         self._number += 1
         points = [vehicle.frame.geo(point) for point in self._path]
-        reason = REASON.encode()
-        body = struct.pack("<32shddB", self.plan_hash, self._item, self._left_s, vehicle.time_s, len(reason))
-        body += reason + struct.pack("<H", len(points))
-        for point in points:
-            body += struct.pack("<iif", e7(point.latitude_deg), e7(point.longitude_deg), point.altitude_m)
-        body += struct.pack("<I", zlib.crc32(body))
-        pieces = [body[i : i + FRAGMENT_SIZE] for i in range(0, len(body), FRAGMENT_SIZE)]
-        self._pending[self._number] = [
-            HEADER.pack(MAGIC, VERSION, REPORT, self.boot_id, self._number, i, len(pieces)) + piece
-            for i, piece in enumerate(pieces)
-        ]
+        rows = [(e7(p.latitude_deg), e7(p.longitude_deg), p.altitude_m) for p in points]
+        self._pending[self._number] = self._report(rows)
         self._sent_s = -RESEND_S
 
     # Reporting -------------------------------------------------------------------------------------------------------
 
+    def _report(self, rows: list[tuple[int, int, float]]) -> list[bytes]:
+        """The payloads of the report; `rows` are latitude and longitude (1e-7 deg) and altitude (m)."""
+        before = self.plan_hash
+        geometry = struct.pack("<HH", len(rows), 0) + b"".join(struct.pack("<iif", *row) for row in rows)
+        after = hashlib.sha256(before + geometry).digest()
+        times_ms = round(self._left_s * 1e3), round(self._vehicle.time_s * 1e3)
+        no_obstacle = 0, 0, 0.0, math.nan, 0.0, 0.0
+        counts = self._number, self._item, len(rows), 0
+        payloads = [
+            HEAD.pack(*REPORT)
+            + REPORT_BODY.pack(self.boot_id, *times_ms, *no_obstacle, *counts, before, after, STANDING_OBSTACLE)
+        ]
+        for first in range(0, len(rows), POINTS_EACH):
+            some = rows[first : first + POINTS_EACH]
+            filled = some + [(0, 0, 0.0)] * (POINTS_EACH - len(some))
+            columns = (value for column in zip(*filled, strict=True) for value in column)
+            body = PIECE_BODY.pack(self.boot_id, *columns, self._number, first, len(some))
+            payloads.append(HEAD.pack(*PIECE) + body)
+        return payloads
+
     def resend(self, wall_s: float) -> None:
-        """Send all fragments of what is not acknowledged, once a second of wall time."""
+        """Send all messages of what is not acknowledged, once a second of wall time."""
         if not self._pending or wall_s - self._sent_s < RESEND_S:
             return
         self._sent_s = wall_s
-        for fragments in self._pending.values():
-            for fragment in fragments:
-                self._vehicle.broadcast(_tunnel(0, 0, fragment), AUTOPILOT_COMPONENT)
+        for payloads in self._pending.values():
+            for payload in payloads:
+                self._vehicle.broadcast(_tunnel(0, 0, payload), AUTOPILOT_COMPONENT)
 
     def handle(self, message: Message, send: Callable[[Message], None]) -> None:
         """Take an acknowledgement or the announcement of a plan."""
         payload = bytes(message.payload)[: message.payload_length]
-        if message.payload_type != PAYLOAD_TYPE or len(payload) < HEADER.size:
+        if message.payload_type != PAYLOAD_TYPE or len(payload) <= HEAD.size:
             return
-        magic, version, kind, boot_id, number, _, _ = HEADER.unpack_from(payload)
-        if magic != MAGIC or version != VERSION:
-            return
-        body = payload[HEADER.size :]
-        if kind == REPORT_ACK and boot_id == self.boot_id and len(body) == 1:
-            if self._pending.pop(number, None) is not None:
+        kind, body = HEAD.unpack_from(payload), payload[HEAD.size :]
+        if kind == ACK:
+            boot_id, number, _status = ACK_BODY.unpack_from(body.ljust(ACK_BODY.size, b"\0"))
+            if boot_id == self.boot_id and self._pending.pop(number, None) is not None:
                 self.acknowledged.append(number)
-        elif kind == PLAN_ANNOUNCE and len(body) == 32:
-            self.plan_hash = body
-            answer = HEADER.pack(MAGIC, VERSION, PLAN_ANNOUNCE_ACK, self.boot_id, 0, 0, 1) + body
+        elif kind == PLAN_ANNOUNCE:
+            self.plan_hash = body.ljust(HASH_BYTES, b"\0")[:HASH_BYTES]
+            answer = HEAD.pack(*PLAN_ANNOUNCE_ACK) + self.plan_hash
             send(_tunnel(message.get_srcSystem(), message.get_srcComponent(), answer))
 
 

@@ -219,31 +219,6 @@ class ImageReport:
 
 
 @dataclass(frozen=True)
-class ReplanReport:
-    """A vehicle's report that it left the planned path, decoded from the wire (docs/replan_report.md).
-
-    Attributes:
-        boot_id: random number the vehicle drew at start, so that the numbers of two boots are told apart.
-        number: running number of the vehicle's reports in this boot, from 1.
-        plan_hash: SHA-256 of the plan it was flying, 64 hex digits; all zeros when the vehicle was told none.
-        reason: short plain text.
-        mission_item: sequence of the mission item it was flying to; -1 in offboard.
-        left_at_s: the vehicle's clock (s since boot) when it left the path.
-        rejoined_at_s: the same when it was back on it.
-        path: the piece that was flown instead, from where it left to where it came back.
-    """
-
-    boot_id: int
-    number: int
-    plan_hash: str
-    reason: str
-    mission_item: int
-    left_at_s: float
-    rejoined_at_s: float
-    path: tuple[GeoPoint, ...]
-
-
-@dataclass(frozen=True)
 class StatusText:
     """A message of the vehicle for people; severity 0 emergency to 7 debug."""
 

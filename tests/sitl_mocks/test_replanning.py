@@ -1,47 +1,59 @@
 """The detour and its report, decoded here from docs/replan_report.md."""
 
+import hashlib
 import math
 import struct
-import zlib
 
 import numpy as np
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from gcs.mavlink.report_assembler import ReportAssembler, ReportStatus, report_ack
+from gcs.mavlink.tunnel_carrier import carried, replanning, tunnelled
+
 NAN = math.nan
 PLAN_HASH = bytes(range(32))
+REPORT, PIECE, ACK = (62470, 153), (62471, 128), (62473, 228)
+ANNOUNCE, ANNOUNCE_ACK = (62474, 63), (62475, 242)
 
 
 def tunnels(messages, kind):
+    """What the messages of a kind carry."""
     payloads = [bytes(m.payload)[: m.payload_length] for m in messages if m.get_type() == "TUNNEL"]
-    return [p for p in payloads if p[:3] == b"GR\x01" and p[3] == kind]
+    return [p[3:] for p in payloads if struct.unpack_from("<HB", p) == kind]
 
 
-def tunnel(kind, boot_id, number, body):
-    payload = struct.pack("<2sBBIHBB", b"GR", 1, kind, boot_id, number, 0, 1) + body
+def tunnel(kind, body):
+    payload = struct.pack("<HB", *kind) + body
     return mavlink.MAVLink_tunnel_message(1, 1, 0x8247, len(payload), list(payload.ljust(128, b"\0")))
 
 
-def decode(fragments):
-    """(boot id, number, hash, item, left, joined, reason, points) of a report's fragments."""
-    boot_id, number = struct.unpack_from("<IH", fragments[0], 4)
-    assert all(len(f) <= 128 for f in fragments)
-    assert [f[10] for f in fragments] == list(range(fragments[0][11]))
-    body = b"".join(f[12:] for f in fragments)
-    assert struct.unpack("<I", body[-4:])[0] == zlib.crc32(body[:-4])
-    plan_hash, item, left, joined, length = struct.unpack_from("<32shddB", body)
-    at = 32 + 2 + 16 + 1
-    reason = body[at : at + length].decode()
-    at += length
-    (count,) = struct.unpack_from("<H", body, at)
-    points = [struct.unpack_from("<iif", body, at + 2 + 12 * i) for i in range(count)]
-    assert at + 2 + 12 * count + 4 == len(body)
-    return boot_id, number, plan_hash, item, left, joined, reason, points
+def acknowledgement(boot_id, number):
+    return tunnel(ACK, struct.pack("<IHB", boot_id, number, 0).rstrip(b"\0"))
+
+
+def decode(messages):
+    """(boot id, number, hash, item, left, joined, reason, points) of the first report in what was heard."""
+    head = tunnels(messages, REPORT)[0].ljust(109, b"\0")
+    boot_id, left_ms, joined_ms = struct.unpack_from("<III", head)
+    assert math.isnan(struct.unpack_from("<f", head, 24)[0])
+    number, item, count, viewpoints = struct.unpack_from("<HhHH", head, 36)
+    before, after, reason = head[44:76], head[76:108], head[108]
+    assert viewpoints == 0
+    points = {}
+    for piece in tunnels(messages, PIECE):
+        values = struct.unpack("<I9i9i9fHHB", piece.ljust(117, b"\0"))
+        assert (values[0], values[28]) == (boot_id, number)
+        for k in range(values[30]):
+            points[values[29] + k] = (values[1 + k], values[10 + k], values[19 + k])
+    rows = [points[k] for k in range(count)]
+    geometry = struct.pack("<HH", count, 0) + b"".join(struct.pack("<iif", *row) for row in rows)
+    assert after == hashlib.sha256(before + geometry).digest()
+    return boot_id, number, before, item, left_ms / 1e3, joined_ms / 1e3, reason, rows
 
 
 def announce(g):
-    (answer,) = tunnels(g.send(tunnel(3, 0, 0, PLAN_HASH)), 4)
-    assert answer[12:] == PLAN_HASH
+    assert tunnels(g.send(tunnel(ANNOUNCE, PLAN_HASH)), ANNOUNCE_ACK) == [PLAN_HASH]
 
 
 def start_mission(g):
@@ -72,15 +84,14 @@ def test_a_mission_leaves_its_path_once_upward_and_reports_it(make_ground, kind)
     announce(g)
     start_mission(g)
     heights = []
-    heard = g.run_until(lambda: heights.append(g.vehicle.airframe.height_m) or tunnels(g.heard, 1))
+    heard = g.run_until(lambda: heights.append(g.vehicle.airframe.height_m) or tunnels(g.heard, REPORT))
     assert max(heights) == pytest.approx(10.0, abs=0.2)
     g.run(0.1)
-    fragments = tunnels(g.heard, 1)
-    boot_id, number, plan_hash, item, left, joined, reason, points = decode(fragments[: fragments[0][11]])
+    boot_id, number, plan_hash, item, left, joined, reason, points = decode(g.heard)
     assert (number, plan_hash) == (1, PLAN_HASH)
     assert item == (1 if kind == "px4" else 2)
     assert 3.0 < joined - left < 8.0
-    assert reason
+    assert reason == 1
     assert 10 <= len(points) <= 60
     altitude = [p[2] for p in points]
     assert altitude[0] == pytest.approx(12.0, abs=0.3)
@@ -88,14 +99,31 @@ def test_a_mission_leaves_its_path_once_upward_and_reports_it(make_ground, kind)
     assert altitude[-1] == pytest.approx(12.0, abs=0.3)
     assert heard is not None
     # Sent again each second until it is acknowledged; an acknowledgement of another boot does not count.
-    g.send(tunnel(2, boot_id ^ 1, 1, b"\0"))
+    g.send(acknowledgement(boot_id ^ 1, 1))
     before = len(g.heard)
     g.run(2.5)
-    assert len(tunnels(g.heard[before:], 1)) in {2 * len(fragments), 3 * len(fragments)}
-    g.send(tunnel(2, boot_id, 1, b"\0"))
+    assert len(tunnels(g.heard[before:], REPORT)) in {2, 3}
+    g.send(acknowledgement(boot_id, 1))
     before = len(g.heard)
     g.run_until(lambda: not g.vehicle.armed)
-    assert tunnels(g.heard[before:], 1) == []  # and no second detour in this flight
+    assert tunnels(g.heard[before:], REPORT) == []  # and no second detour in this flight
+    assert g.vehicle.replanner.acknowledged == [1]
+
+
+def test_the_station_reads_what_the_vehicle_says_and_the_vehicle_what_the_station_says(make_ground):
+    g = make_ground("px4", replan=True)
+    g.send(tunnelled(replanning.MAVLink_plan_announce_message(list(PLAN_HASH)), 1, 0))
+    start_mission(g)
+    g.run_until(lambda: tunnels(g.heard, REPORT))
+    g.run(0.1)
+    assembler = ReportAssembler()
+    inner = [message for m in g.heard if (message := carried(m)) is not None]
+    assert inner[0].get_type() == "PLAN_ANNOUNCE_ACK"
+    (report,) = [report for message in inner if (report := assembler.take(message)) is not None]
+    *_, points = decode(g.heard)
+    assert report.plan_hash == PLAN_HASH.hex()
+    assert [p.altitude_m for p in report.path] == [altitude for _, _, altitude in points]
+    g.send(report_ack(report.boot_id, report.number, ReportStatus.STORED, 1))
     assert g.vehicle.replanner.acknowledged == [1]
 
 
@@ -115,8 +143,7 @@ def test_an_offboard_flight_does_the_same_and_is_back_before_the_leg_ends(make_g
         heights.append(g.vehicle.airframe.height_m)
     assert max(heights) == pytest.approx(10.0, abs=0.3)
     assert heights[-1] == pytest.approx(8.0, abs=0.1)
-    fragments = tunnels(g.heard, 1)
-    report = decode(fragments[: fragments[0][11]])
+    report = decode(g.heard)
     assert report[2] == bytes(32)  # no plan was announced
     assert report[3] == -1
 
@@ -125,7 +152,7 @@ def test_there_is_no_detour_unless_asked_for(make_ground):
     g = make_ground("px4")
     start_mission(g)
     g.run_until(lambda: not g.vehicle.armed)
-    assert tunnels(g.heard, 1) == []
+    assert tunnels(g.heard, REPORT) == []
 
 
 def test_a_pilot_ends_the_detour_and_it_is_reported_all_the_same(make_ground):
@@ -136,12 +163,12 @@ def test_a_pilot_ends_the_detour_and_it_is_reported_all_the_same(make_ground):
     g.vehicle.set_mode_by_name("POSCTL")
     g.run(1.5)
     assert not g.vehicle.replanner.on_detour
-    fragments = tunnels(g.heard, 1)
-    assert len(decode(fragments[: fragments[0][11]])[7]) >= 2
+    assert len(decode(g.heard)[7]) >= 2
 
 
 def test_malformed_tunnels_are_ignored(make_ground):
     g = make_ground("px4", replan=True)
-    for payload in (b"", b"GR", b"XX" + bytes(20), b"GR\x02\x03" + bytes(40), b"GR\x01\x03" + bytes(8) + bytes(31)):
+    announce_of_another_form = struct.pack("<HB", 62474, 64) + PLAN_HASH
+    for payload in (b"", b"GR", struct.pack("<HB", *ANNOUNCE), announce_of_another_form, bytes(128)):
         g.send(mavlink.MAVLink_tunnel_message(1, 1, 0x8247, len(payload), list(payload.ljust(128, b"\0"))))
     assert g.vehicle.replanner.plan_hash == bytes(32)
