@@ -115,6 +115,17 @@ class Airframe:
         self._memory = np.zeros(MEMORY_SIZE)
         self._limits = limits.packed()
         self.limits = limits
+        self._error_m = np.zeros(3)
+        self._error_m_s = np.zeros(3)
+
+    def believe(self, error_m: Array, error_m_s: Array) -> None:
+        """Be wrong about position and velocity by so much from now on; where it truly is stays as it is.
+
+        All that flies the vehicle, and all that it tells, follows what it believes.
+        """
+        self.state[0:3] += error_m - self._error_m
+        self.state[3:6] += error_m_s - self._error_m_s
+        self._error_m, self._error_m_s = error_m.copy(), error_m_s.copy()
 
     def set_limits(self, limits: FlightLimits) -> None:
         """Fly within other limits from now on."""
@@ -129,13 +140,23 @@ class Airframe:
 
     @property
     def position_m(self) -> Array:
-        """True position, scene ENU."""
+        """Position as the vehicle believes, scene ENU; the true one unless `believe` says otherwise."""
         return self.state[0:3].copy()
 
     @property
     def velocity_m_s(self) -> Array:
-        """True velocity, ENU."""
+        """Velocity as the vehicle believes, ENU."""
         return self.state[3:6].copy()
+
+    @property
+    def true_position_m(self) -> Array:
+        """Position, scene ENU."""
+        return self.state[0:3] - self._error_m
+
+    @property
+    def true_velocity_m_s(self) -> Array:
+        """Velocity, ENU."""
+        return self.state[3:6] - self._error_m_s
 
     @property
     def yaw_rad(self) -> float:
@@ -167,8 +188,8 @@ class Airframe:
 
     @property
     def height_m(self) -> float:
-        """Height above the ground."""
-        return float(self.state[2]) - self.ground_m
+        """True height above the ground."""
+        return float(self.state[2] - self._error_m[2]) - self.ground_m
 
     @property
     def on_ground(self) -> bool:
@@ -266,14 +287,15 @@ class Airframe:
             self.state,
             self._guidance,
             self._limits,
-            self._wind,
+            self._wind + self._error_m_s,  # the air drags on what truly moves
             self._mean_wind,
-            self.ground_m,
+            self.ground_m + self._error_m[2],
             self._packed,
             self._gains,
             self._cascade,
             self._memory,
         )
+        self._error_m = self._error_m + self._error_m_s * (steps * kernel.STEP_S)
         self.battery.use(effort, steps * kernel.STEP_S)
 
     def _enter_governor(self) -> None:

@@ -58,6 +58,7 @@ class ArduPilotVehicle(SimulatedVehicle):
     capabilities = 0xFBEF
     software_version = 0x04070000
     gps_fix = 6
+    fix_texts = ("GPS Glitch or Compass error", "Glitch cleared")
     ready_after_s = 2.0
     announces_captures = False
 

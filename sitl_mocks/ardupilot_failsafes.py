@@ -21,6 +21,9 @@ _CONTINUE_PILOT = 16
 _UNION = 2
 """Bit of FENCE_OPTIONS: inside any included area, and not inside all of them."""
 
+_DEAD_RECKONING_S = 10.0
+"""So long the estimator's position counts without a fix."""
+
 _PILOT_MODES = {Mode.STABILIZE, Mode.ALT_HOLD, Mode.LOITER, Mode.POSHOLD, Mode.BRAKE}
 
 
@@ -45,6 +48,16 @@ class ArduPilotFailsafes:
         """Act on what is wrong now."""
         self._watch_battery()
         self._watch_fence()
+        self._watch_position()
+
+    def _watch_position(self) -> None:
+        """FS_EKF_ACTION, when the estimator has gone without position fixes for too long."""
+        vehicle = self._vehicle
+        if vehicle.positioning is None or not vehicle.in_air or vehicle.mode is Mode.LAND:
+            return
+        if vehicle.positioning.unaided_s > _DEAD_RECKONING_S and int(vehicle.parameters["FS_EKF_ACTION"]) == 1:
+            vehicle.say_critical("EKF Failsafe: changed to LAND Mode")
+            vehicle.fail_to(Mode.LAND, "position loss")
 
     def station_lost(self) -> None:
         """No ground station was heard for FS_GCS_TIMEOUT of wall time."""

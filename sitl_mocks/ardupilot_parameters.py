@@ -19,6 +19,10 @@ ARDUPILOT_PARAMETERS: dict[str, tuple[float, int]] = {
     "BATT_LOW_MAH": (880, REAL32),  # 0 (off) on the real one
     "BATT_LOW_VOLT": (10.5, REAL32),
     "CAM1_TYPE": (5, INT8),  # a MAVLink camera; 0 (none) on the real one
+    "EK3_POSNE_M_NSE": (0.5, REAL32),
+    "EK3_SRC1_POSZ": (1, INT8),
+    "EK3_SRC1_VELXY": (3, INT8),
+    "EK3_VELNE_M_NSE": (0.3, REAL32),
     "FENCE_ACTION": (1, INT8),
     "FENCE_ALT_MAX": (150.0, REAL32),  # 100 on the real one
     "FENCE_ENABLE": (1, INT8),  # 0 (off) on the real one
@@ -32,6 +36,9 @@ ARDUPILOT_PARAMETERS: dict[str, tuple[float, int]] = {
     # Bits: 2 a mission goes on without a ground station, 16 pilot modes (and BRAKE) too; 16 on the real one.
     "FS_OPTIONS": (18, INT32),
     "FS_THR_ENABLE": (1, INT8),
+    "GPS2_DELAY_MS": (0, INT16),
+    "GPS2_TYPE": (0, INT8),
+    "GPS_AUTO_SWITCH": (1, INT8),
     "GUID_OPTIONS": (0, INT32),
     "GUID_TIMEOUT": (3.0, REAL32),
     "LAND_ALT_LOW": (1000.0, REAL32),

@@ -118,6 +118,8 @@ class Channel:
         """Whether a heartbeat of a ground station (MAV_TYPE_GCS) was heard here."""
         self.streams: dict[int, Stream] = {}
         """Periodic messages asked for or given by default on this link, by message id."""
+        self.leads_to_companion = False
+        """Whether the vehicle's companion computer is at the other end: it gets the lidar's messages."""
 
     def send(self, message: Message, component: int, system_id: int | None = None) -> None:
         """Send a message as one of the vehicle's components, or as one of another vehicle on the same link."""
@@ -129,6 +131,10 @@ class Channel:
             self._packers[source] = packer
         packet = bytes(message.pack(packer, force_mavlink1=self._faults.mavlink_1))
         packer.seq = (packer.seq + 1) % 256
+        self._transmit(packet)
+
+    def pass_on(self, packet: bytes) -> None:
+        """Send a packet of somebody else, as it came."""
         self._transmit(packet)
 
     def receive(self, data: bytes) -> Iterable[Message]:

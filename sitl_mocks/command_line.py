@@ -6,9 +6,13 @@ import argparse
 import sys
 from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from gcs.core.errors import GcsError, InputError
 from gcs.core.frames import GeoPoint
+
+if TYPE_CHECKING:
+    from sitl_mocks.positioning import Box
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -49,6 +53,17 @@ def _parser() -> argparse.ArgumentParser:
     add("--gusts", type=float, default=0.0, metavar="M_S", help="standard deviation of the wind in m/s, by --seed (0)")
     add("--body", choices=("usual", "sih"), default="usual", help="sih: as much drag as PX4's own simulation (usual)")
     add("--no-picture-files", action="store_true", help="the camera serves no files: it sends pictures when asked")
+    add("--obstacles", type=Path, metavar="FILE", help="JSON file of obstacles that the lidar sees and no plan knows")
+    add("--companion", type=int, metavar="PORT", help="vehicle i's companion listens on this UDP port + i - 1 here")
+    add(
+        "--hidden",
+        action="append",
+        default=[],
+        metavar="E,N,U,E,N,U",
+        help="box without satellites, low and high corner in the scene in m (repeatable)",
+    )
+    add("--sights", metavar="OBSERVER,SEEN", help="system ids: the first vehicle tells where it sees the second")
+    add("--lidar-3d", action="store_true", help="the lidar sends OBSTACLE_DISTANCE_3D too")
     add("--control-port", type=int, metavar="PORT", help="UDP port on loopback for tests; 0 for any free port")
     add("--exit-with-parent", action="store_true", help="end when the process that started this one has ended")
     return parser
@@ -72,6 +87,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def _run(given: argparse.Namespace) -> int:
     from sitl_mocks.channel import LinkFaults
     from sitl_mocks.mission_faults import check_fault
+    from sitl_mocks.obstacle_file import read_obstacles
     from sitl_mocks.simulator import Simulator, SimulatorOptions
 
     if not 0.0 < given.speedup <= 100.0:
@@ -85,6 +101,8 @@ def _run(given: argparse.Namespace) -> int:
         raise InputError(f"there is no file {given.structure}", field="--structure")
     if not 0.0 <= given.gusts <= 30.0:
         raise InputError("must be between 0 and 30", field="--gusts")
+    if given.companion is not None and not 1 <= given.companion <= 65536 - given.count:
+        raise InputError("must leave every vehicle a port in 1 to 65535", field="--companion")
     wind = _numbers(given.wind, "--wind", {2, 3})
     options = SimulatorOptions(
         autopilot=given.autopilot,
@@ -111,6 +129,11 @@ def _run(given: argparse.Namespace) -> int:
         serves_pictures=not given.no_picture_files,
         control_port=given.control_port,
         exit_with_parent=given.exit_with_parent,
+        obstacles=() if given.obstacles is None else read_obstacles(given.obstacles),
+        companion_port=given.companion,
+        lidar_3d=given.lidar_3d,
+        hidden=tuple(_box(text) for text in given.hidden),
+        sights=None if given.sights is None else _sights(given.sights, given.first_system_id, given.count),
     )
     simulator = Simulator(options)
     try:
@@ -130,6 +153,18 @@ def _numbers(text: str, field: str, sizes: set[int]) -> list[float]:
     if len(numbers) not in sizes:
         raise InputError(f"{text!r} is not {' or '.join(map(str, sorted(sizes)))} numbers with commas", field=field)
     return numbers
+
+
+def _box(text: str) -> Box:
+    east, north, up, to_east, to_north, to_up = _numbers(text, "--hidden", {6})
+    return (east, north, up), (to_east, to_north, to_up)
+
+
+def _sights(text: str, first: int, count: int) -> tuple[int, int]:
+    observer, seen = (int(number) for number in _numbers(text, "--sights", {2}))
+    if observer == seen or not all(first <= system_id < first + count for system_id in (observer, seen)):
+        raise InputError("must be the system ids of two of these vehicles", field="--sights")
+    return observer, seen
 
 
 def _tcp_base(text: str) -> int | None:

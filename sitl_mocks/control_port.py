@@ -15,6 +15,8 @@ the answer is one JSON object with `ok`, and `error` when it is false. Commands:
     clear-mission       the stored mission is gone
     battery SHARE       what is left in the battery, 0 to 1
     param NAME VALUE    a parameter
+    lidar STATE         clear, covered (all ranges are zero) or silent
+    odometry STATE      of the lidar: tracking, failed or silent
 """
 
 from __future__ import annotations

@@ -38,6 +38,7 @@ class Px4Vehicle(SimulatedVehicle):
     autopilot = mavlink.MAV_AUTOPILOT_PX4
     capabilities = 0xE8FF
     software_version = 0x011000FF
+    fix_texts = ("GNSS data fusion stopped", "GNSS data fusion started")
     ready_after_s = 1.5
 
     missions: Px4MissionServer

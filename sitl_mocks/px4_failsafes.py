@@ -50,6 +50,15 @@ class Px4Failsafes:
         self._watch_battery()
         self._watch_fence()
         self._watch_station()
+        self._watch_position()
+
+    def _watch_position(self) -> None:
+        """Dead reckoning for EKF2_NOAID_TOUT ends the modes that need a position: it comes down."""
+        vehicle = self._vehicle
+        if vehicle.positioning is None or not vehicle.in_air:
+            return
+        if vehicle.positioning.unaided_s > vehicle.parameters["EKF2_NOAID_TOUT"] * 1e-6:
+            vehicle.fail_to(Mode.LAND, "position loss")
 
     def _watch_station(self) -> None:
         """Hold for COM_FAIL_ACT_T (wall time), then act."""

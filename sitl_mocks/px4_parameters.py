@@ -28,6 +28,10 @@ PX4_PARAMETERS: dict[str, tuple[float, int]] = {
     "COM_RCL_EXCEPT": (0, INT32),
     "COM_RC_IN_MODE": (3, INT32),
     "COM_RC_LOSS_T": (0.5, REAL32),
+    "EKF2_EVP_NOISE": (0.1, REAL32),
+    "EKF2_EV_CTRL": (15, INT32),
+    "EKF2_EV_DELAY": (0.0, REAL32),
+    "EKF2_NOAID_TOUT": (5_000_000, INT32),
     "GF_ACTION": (3, INT32),  # return; 2 (hold) on the real one
     "GF_MAX_HOR_DIST": (1000.0, REAL32),  # 0 (no limit) on the real one
     "GF_MAX_VER_DIST": (150.0, REAL32),  # 0 (no limit) on the real one

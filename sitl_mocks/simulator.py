@@ -22,11 +22,15 @@ from sitl_mocks.airframe import Airframe, FlightLimits, FlightSetpoint
 from sitl_mocks.ardupilot import ArduPilotVehicle
 from sitl_mocks.channel import LinkFaults
 from sitl_mocks.control_port import ControlPort
+from sitl_mocks.lidar import LIDAR_STATES, ODOMETRY_STATES, LidarOptions
 from sitl_mocks.link_faults import ChangingLink, link_changes
 from sitl_mocks.links import TcpClient, UdpLink, listen, watch
+from sitl_mocks.obstacles import Obstacle
 from sitl_mocks.picture import Exposure, Scene, jpeg, load_scene, render
+from sitl_mocks.positioning import Box
 from sitl_mocks.px4 import Px4Vehicle
 from sitl_mocks.scene_frame import SceneFrame
+from sitl_mocks.sighting_sensor import SensorErrors, SightingSensor
 from sitl_mocks.truth import truth
 from sitl_mocks.vehicle import LOGIC_S, SimulatedVehicle
 from sitl_mocks.vehicle_options import VehicleOptions
@@ -66,6 +70,12 @@ class SimulatorOptions:
     control_port: int | None = None
     exit_with_parent: bool = False
     named_faults: tuple[str, ...] = ()
+    obstacles: tuple[Obstacle, ...] = ()
+    companion_port: int | None = None
+    lidar_3d: bool = False
+    hidden: tuple[Box, ...] = ()
+    sights: tuple[int, int] | None = None
+    sensor_errors: SensorErrors = field(default_factory=SensorErrors)
 
 
 class Member:
@@ -100,6 +110,7 @@ class Simulator:
         self._servers: list[socket.socket] = []
         self._members: dict[int, Member] = {}
         self._control: ControlPort | None = None
+        self._sensor: SightingSensor | None = None
         self._stopping = False
         self._last_s = clock()
         self._arrivals: list[tuple[float, UdpLink, bytes]] = []
@@ -144,12 +155,18 @@ class Simulator:
                 replan=o.replan,
                 faults=o.named_faults,
                 unix_start_s=time.time(),
+                hidden=o.hidden,
+                obstacles=o.obstacles,
+                lidar=LidarOptions(tells_3d=o.lidar_3d, seed=o.seed + i),
             )
             faults = replace(o.faults)
             changes = ChangingLink(faults, link_changes(o.named_faults, Random(o.seed + i)), self._clock())
             member = Member(KINDS[o.autopilot](options), faults, changes)
             self._members[system_id] = member
             lines.append(self._open_links(member, i))
+        if o.sights is not None:
+            observer, seen = (self._members[system_id] for system_id in o.sights)
+            self._sensor = SightingSensor(observer.vehicle, lambda: seen.vehicle, o.sensor_errors, o.seed)
         if o.control_port is not None:
             self._control = ControlPort(o.control_port, self.command)
             watch(self._selector, self._control.socket, self._control.read)
@@ -216,6 +233,8 @@ class Simulator:
                 link.release(wall_s)
                 if isinstance(link, TcpClient) and link.closed:
                     self._drop(member, link)
+        if self._sensor is not None:
+            self._sensor.step()
 
     def close(self) -> None:
         """Close all sockets."""
@@ -234,24 +253,33 @@ class Simulator:
     def _open_links(self, member: Member, index: int) -> str:
         o = self._options
         vehicle = member.vehicle
-        link = UdpLink(
-            vehicle.system_id,
-            (o.host, o.port),
-            member.faults,
-            o.seed * 1000 + vehicle.system_id * 10,
-            lambda message, channel: self._take(member, message, channel),
-            self._clock,
-        )
-        member.links.append(link)
-        vehicle.add_channel(link.channel)
-        watch(self._selector, link.socket, lambda: self._arrivals.extend((t, link, data) for t, data in link.read()))
+        self._open_udp(member, (o.host, o.port), member.faults, o.seed * 1000 + vehicle.system_id * 10)
         line = f"vehicle {vehicle.system_id} {vehicle.kind} ready: udp -> {o.host}:{o.port}"
         if o.autopilot == "ardupilot" and o.tcp_base is not None:
             server = listen(o.host, 0 if o.tcp_base == 0 else o.tcp_base + 10 * index)
             self._servers.append(server)
             watch(self._selector, server, lambda: self._accept(member, server))
             line += f", tcp {o.host}:{server.getsockname()[1]}"
+        if o.companion_port is not None:
+            port = o.companion_port + index
+            cable = self._open_udp(member, ("127.0.0.1", port), LinkFaults(), 0)
+            cable.channel.leads_to_companion = True
+            line += f", companion udp -> 127.0.0.1:{port}"
         return line
+
+    def _open_udp(self, member: Member, address: tuple[str, int], faults: LinkFaults, seed: int) -> UdpLink:
+        link = UdpLink(
+            member.vehicle.system_id,
+            address,
+            faults,
+            seed,
+            lambda message, channel: self._take(member, message, channel),
+            self._clock,
+        )
+        member.links.append(link)
+        member.vehicle.add_channel(link.channel)
+        watch(self._selector, link.socket, lambda: self._arrivals.extend((t, link, data) for t, data in link.read()))
+        return link
 
     def _accept(self, member: Member, server: socket.socket) -> None:
         try:
@@ -324,6 +352,10 @@ class Simulator:
             vehicle.airframe.battery.used_wh = (1.0 - float(arguments[0])) * vehicle.airframe.battery.capacity_wh
         elif name == "param":
             vehicle.parameters.override(arguments[0], float(arguments[1]))
+        elif name == "lidar":
+            vehicle.lidar.state = _one_of(arguments[0], LIDAR_STATES)
+        elif name == "odometry":
+            vehicle.lidar.odometry_state = _one_of(arguments[0], ODOMETRY_STATES)
         else:
             raise ValueError(f"unknown command {name}")
         return {}
@@ -347,6 +379,12 @@ class Simulator:
     def _stop(self, number: int, frame: object) -> None:
         del number, frame
         self._stopping = True
+
+
+def _one_of(word: str, words: tuple[str, ...]) -> str:
+    if word not in words:
+        raise ValueError(f"{word} is none of {', '.join(words)}")
+    return word
 
 
 def _warm_up(scene: Scene) -> None:

@@ -12,6 +12,7 @@ import numpy as np
 from gcs.core.frames import heading_from_yaw, ned_from_enu
 from sitl_mocks.dialect import Message, mavlink
 from sitl_mocks.plan_id import MissionCurrentWithIds
+from sitl_mocks.positioning import OWN_FIX_M
 from sitl_mocks.scene_frame import e7
 
 if TYPE_CHECKING:
@@ -79,7 +80,7 @@ class Telemetry:
         battery = vehicle.airframe.battery
         sensors = _SENSORS | PREARM
         healthy = sensors if vehicle.ready_to_arm else sensors & ~PREARM
-        if not vehicle.has_position:
+        if not vehicle.hears_satellites:
             healthy &= ~int(mavlink.MAV_SYS_STATUS_SENSOR_GPS)
         return mavlink.MAVLink_sys_status_message(
             sensors,
@@ -118,8 +119,11 @@ class Telemetry:
 
     def _gps_raw_int(self) -> Message:
         vehicle = self._vehicle
-        if not vehicle.has_position:
-            return mavlink.MAVLink_gps_raw_int_message(round(vehicle.time_s * 1e6), 0, 0, 0, 0, 65535, 65535, 0, 0, 0)
+        if not vehicle.hears_satellites:
+            seen = 0 if vehicle.positioning is None else vehicle.positioning.satellites
+            return mavlink.MAVLink_gps_raw_int_message(
+                round(vehicle.time_s * 1e6), mavlink.GPS_FIX_TYPE_NO_FIX, 0, 0, 0, 65535, 65535, 0, 0, seen
+            )
         place = vehicle.frame.geo(self._measured_position())
         vx, vy, _ = self._measured_velocity()
         course = math.degrees(math.atan2(vx, vy)) % 360.0
@@ -134,6 +138,8 @@ class Telemetry:
             round(math.hypot(vx, vy) * 1e2),
             round(course * 1e2) % 36000,
             14,
+            h_acc=round(OWN_FIX_M * 1e3),
+            v_acc=round(OWN_FIX_M * 1.5e3),
         )
 
     def _angles(self) -> tuple[float, float, float, list[float]]:

@@ -24,19 +24,24 @@ from sitl_mocks.commands import (
     Command,
     command_of_message,
 )
-from sitl_mocks.dialect import AUTOPILOT_COMPONENT, CAMERA_COMPONENT, Message, mavlink
+from sitl_mocks.dialect import AUTOPILOT_COMPONENT, CAMERA_COMPONENT, LIDAR_COMPONENT, Message, mavlink
+from sitl_mocks.encounters import Encounters
 from sitl_mocks.file_server import FileServer, VirtualFolder
 from sitl_mocks.flight_control import FlightControl
 from sitl_mocks.flight_kernel import STEP_S
 from sitl_mocks.gimbal import Gimbal
 from sitl_mocks.image_sender import ImageSender
+from sitl_mocks.lidar import Lidar
 from sitl_mocks.mission_fault import MissionDoor
 from sitl_mocks.mission_faults import make_faults
 from sitl_mocks.mission_server import MissionServer
+from sitl_mocks.obstacles import Obstacles
 from sitl_mocks.parameters import ParameterServer
 from sitl_mocks.picture import Exposure
 from sitl_mocks.position_cascade import CascadeGains
+from sitl_mocks.positioning import Positioning
 from sitl_mocks.replanning import Replanner
+from sitl_mocks.routing import Router
 from sitl_mocks.scene_frame import SceneFrame
 from sitl_mocks.setpoints import Setpoint, setpoint_of_message
 from sitl_mocks.signing import VehicleKey
@@ -61,6 +66,8 @@ class SimulatedVehicle(ABC):
     capabilities: int
     software_version: int
     gps_fix = 3
+    fix_texts: tuple[str, str]
+    """What it says when its receiver has lost its fix, and when it has it again."""
     ready_after_s: float
     """Wall time from the start until it can be armed."""
     announces_captures = True
@@ -88,6 +95,7 @@ class SimulatedVehicle(ABC):
             battery_wh=options.battery_wh,
             cascade=self.setpoint_gains(),
         )
+        self.positioning = Positioning(self, options.hidden, options.seed) if options.hidden else None
         self.flight = FlightControl(self.airframe, self.base_limits)
         self.gimbal = Gimbal()
         self.folder = CameraFolder()
@@ -109,6 +117,10 @@ class SimulatedVehicle(ABC):
         )
         self.autopilot_files = FileServer(CameraFolder(), sessions=1, virtual=self._virtual_folder())
         self.replanner = Replanner(self, enabled=options.replan, boot_id=int.from_bytes(os.urandom(4), "little"))
+        obstacles = Obstacles(options.obstacles)
+        self.encounters = Encounters(obstacles)
+        self.lidar = Lidar(self.airframe, obstacles, options.lidar, self._tell_companion)
+        self._router = Router(self.system_id, (AUTOPILOT_COMPONENT, CAMERA_COMPONENT, LIDAR_COMPONENT))
         self.channels: list[Channel] = []
         self.signing_key = VehicleKey()
         self.counters = Counters()
@@ -232,13 +244,16 @@ class SimulatedVehicle(ABC):
         self._debt_s += dt_s
         while self._debt_s >= LOGIC_S - 1e-9:
             self._debt_s -= LOGIC_S
-            self.airframe.step(LOGIC_STEPS)
+            self.encounters.fly(self.airframe, LOGIC_STEPS, self.time_s, watched=self.in_air)
             self.time_s += LOGIC_S
+            if self.positioning is not None:
+                self.positioning.tick(LOGIC_S)
             self.gimbal.step(LOGIC_S)
             self.flight.watch_ground(LOGIC_S)
             self._tick()
             self.replanner.tick(LOGIC_S)
             self.camera.step(self.time_s)
+            self.lidar.tick(self.time_s)
         self.parameters.step()
         self.missions.step(wall_s)
         self._mission_door.step(wall_s)
@@ -270,12 +285,18 @@ class SimulatedVehicle(ABC):
         """A link is gone."""
         if channel in self.channels:
             self.channels.remove(channel)
+            self._router.forget(channel)
 
     def broadcast(self, message: Message | None, component: int = AUTOPILOT_COMPONENT) -> None:
         """Send to everybody."""
         if message is not None:
             for channel in self.channels:
                 channel.send(message, component)
+
+    def _tell_companion(self, message: Message) -> None:
+        for channel in self.channels:
+            if channel.leads_to_companion:
+                channel.send(message, LIDAR_COMPONENT)
 
     def say(self, severity: int, text: str) -> None:
         """Send a STATUSTEXT to those who hear such."""
@@ -311,9 +332,10 @@ class SimulatedVehicle(ABC):
 
     def handle(self, message: Message, channel: Channel) -> None:
         """Take a message that came in on a link."""
-        if message.get_srcSystem() == self.system_id:
+        if self._router.is_own(message):
             return
-        if getattr(message, "target_system", 0) not in {0, self.system_id}:
+        self._router.pass_on(message, channel, self.channels)
+        if not self._router.is_for_vehicle(message):
             return
         kind = message.get_type()
         component = getattr(message, "target_component", 0)
@@ -356,6 +378,8 @@ class SimulatedVehicle(ABC):
             channel.send(reply, component, system_id)
 
         if self._mission_door.handle(message, send, self.wall_s) or self.parameters.handle(message, send, channel):
+            return
+        if self.positioning is not None and self.positioning.handle(message):
             return
         if kind == "SET_MODE":
             self._set_mode(message.base_mode, message.custom_mode, 0, channel)
@@ -527,6 +551,11 @@ class SimulatedVehicle(ABC):
         return self.up_s >= 0.5 * self.ready_after_s
 
     @property
+    def hears_satellites(self) -> bool:
+        """Whether its own receiver has a fix."""
+        return self.has_position and (self.positioning is None or not self.positioning.blocked)
+
+    @property
     def ready_to_arm(self) -> bool:
         """Whether the checks before arming pass in the present mode."""
         return self.armed or self._arming_refusal() is None
@@ -543,12 +572,11 @@ class SimulatedVehicle(ABC):
     # Camera ----------------------------------------------------------------------------------------------------------
 
     def _expose(self, index: int, sequence: int) -> Exposure:
-        position = self.airframe.position_m
         return Exposure(
             index=index,
             sequence=sequence,
-            position_m=position,
-            place=self.frame.geo(position),
+            position_m=self.airframe.true_position_m,
+            place=self.frame.geo(self.airframe.position_m),
             home_altitude_m=self.home.altitude_m,
             yaw_rad=self.airframe.yaw_rad,
             pitch_rad=self.gimbal.pitch_rad,

@@ -7,7 +7,10 @@ from concurrent.futures import Future
 from dataclasses import dataclass, field
 
 from gcs.core.frames import GeoPoint
+from sitl_mocks.lidar import LidarOptions
+from sitl_mocks.obstacles import Obstacle
 from sitl_mocks.picture import Exposure
+from sitl_mocks.positioning import Box
 
 
 @dataclass(frozen=True)
@@ -29,7 +32,10 @@ class VehicleOptions:
         replan: leave the path once, upward, and report it.
         faults: names of faults that are switched on (`mission_faults`).
         serves_pictures: whether the camera serves its pictures as files; else it sends the newest one packet by packet.
+        hidden: boxes in which it receives no satellites; when there is none its position is what it truly is.
         unix_start_s: UTC at the start of the vehicle's clock.
+        obstacles: what is there beside it.
+        lidar: that it carries; its messages go to the companion's link.
     """
 
     system_id: int
@@ -46,7 +52,10 @@ class VehicleOptions:
     replan: bool = False
     faults: tuple[str, ...] = ()
     serves_pictures: bool = True
+    hidden: tuple[Box, ...] = ()
     unix_start_s: float = 1_790_000_000.0
+    obstacles: tuple[Obstacle, ...] = ()
+    lidar: LidarOptions = field(default_factory=LidarOptions)
 
 
 @dataclass

@@ -7,8 +7,19 @@ from sitl_mocks.command_line import main
 from sitl_mocks.simulator import Simulator, SimulatorOptions
 
 
-@pytest.mark.parametrize("given", [("--gusts", "-1"), ("--gusts", "nan"), ("--body", "brick")])
-def test_wrong_air_and_unknown_bodies_are_refused(given, capsys):
+@pytest.mark.parametrize(
+    "given",
+    [
+        ("--gusts", "-1"),
+        ("--gusts", "nan"),
+        ("--body", "brick"),
+        ("--hidden", "1,2,3"),
+        ("--sights", "2,1"),
+        ("--sights", "1,1"),
+        ("--sights", "one,two"),
+    ],
+)
+def test_wrong_values_are_refused(given, capsys):
     try:
         status = main(["--port", "9", *given])
     except SystemExit as ended:
