@@ -13,6 +13,9 @@ from gcs.core.progress import SilentProgress
 from gcs.core.scenario import parse_scenario
 from gcs.core.structure import Structure
 from gcs.core.structure_source import Cable
+from gcs.planning.local.binary_map import BinaryMap
+from gcs.planning.local.lidar_scan import LidarScan
+from gcs.planning.local.navigator import LocalNavigator, NavigatorOptions
 from gcs.planning.planner import make_plan
 from gcs.planning.scene.point_distance import SceneDistance
 from gcs.planning.tours.generalised_tour import generalised_tour
@@ -56,8 +59,23 @@ def tower() -> Structure:
     return Structure(corners, faces, cables=(Cable(from_m=(0, 0, 20), to_m=(12, 0, 1), radius_m=0.1),))
 
 
+def evade_something() -> None:
+    """Fly a few seconds towards something that stands while something else crosses."""
+    limits = FlightLimits(4.0, 2.5, 10.0)
+    trajectory = times_at_limits(np.array([[0.0, 0.0, 10.0], [20.0, 0.0, 10.0]]), limits).piecewise_polynomial()
+    known = BinaryMap(np.zeros((80, 80), dtype=np.bool_), np.array([-20.0, -20.0]), 0.5)
+    navigator = LocalNavigator(trajectory, (), limits, NavigatorOptions(known=known))
+    for clock_s in np.arange(0.0, 4.0, 0.1):
+        ranges = np.full(72, np.inf)
+        place = navigator.motion(clock_s)[0]
+        ranges[71:] = ranges[:2] = 12.0 - place[0]
+        ranges[10] = 12.0 - 2.5 * clock_s
+        navigator.see(LidarScan(ranges, 0.0, np.radians(5.0), 20.0), place, 0.0, clock_s)
+        navigator.decide(clock_s)
+
+
 def main() -> None:
-    """Plan a small scene in each corridor, predict flights, choose between viewpoints, start a simulated vehicle."""
+    """Plan a small scene in each corridor, predict flights, choose between viewpoints, evade, start a vehicle."""
     structure = tower()
     plan = cast("Plan", make_plan(parse_scenario(SCENARIO), structure, SilentProgress()))  # no battery, no sorties
     for corridor in ("tubes", "polytopes"):
@@ -66,6 +84,7 @@ def main() -> None:
     predict_usual_flights(plan, SceneDistance(structure, plan.scenario.ground_m))
     times_at_limits(np.eye(3), FlightLimits(5.0, 2.5))
     generalised_tour(np.arange(36.0).reshape(12, 3), np.arange(12) // 2)
+    evade_something()
     with Simulator(SimulatorOptions(port=9, extra=("--tcp-base", "none"))):
         pass
 

@@ -63,11 +63,11 @@ class BinaryMap:
         """The inverse of `cells`."""
         return np.asarray(np.asarray(cells, dtype=np.float64) * self.cell_m + self.origin_m)
 
-    def is_blocked(self, point_m: ArrayLike) -> bool:
-        """Whether a point (d,) is in a blocked cell or outside the map."""
+    def is_blocked(self, point_m: ArrayLike, off_map: bool = True) -> bool:
+        """Whether a point (d,) is in a blocked cell; `off_map` outside the map."""
         cell = np.floor(self.cells(point_m)).astype(np.int64)
         if (cell < 0).any() or (cell >= self.blocked.shape).any():
-            return True
+            return off_map
         return bool(self.blocked[tuple(cell)])
 
     def grown(self, distance_m: float) -> BinaryMap:

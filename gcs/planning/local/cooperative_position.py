@@ -20,9 +20,7 @@ import numpy as np
 from gcs.core.errors import InputError
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from numpy.typing import ArrayLike, NDArray
+    from numpy.typing import NDArray
 
 WIDEST_RAD = 0.5
 """Angles that err by more than this are no measurement."""
@@ -128,19 +126,3 @@ def _bent_m(sighting: Sighting) -> float:
     pitch = sighting.pitch_deviation_rad**2
     azimuth = (math.cos(sighting.pitch_rad) * sighting.azimuth_deviation_rad) ** 2
     return sighting.range_m * math.sqrt(1.5 * pitch**2 + 1.5 * azimuth**2 + 2 * pitch * azimuth)
-
-
-def combined_fix(fixes: Sequence[PositionFix]) -> PositionFix:
-    """The best position from several fixes of one place whose errors are independent, weighted by their covariances.
-
-    Sightings from one observer share its position's error: average the observer first, or use their latest.
-
-    Raises:
-        InputError: no fix is given.
-    """
-    if not fixes:
-        raise InputError("there is no fix to combine", field="fixes")
-    weights = [np.linalg.inv(fix.covariance_m2) for fix in fixes]
-    covariance = np.linalg.inv(np.sum(weights, axis=0))
-    weighted: ArrayLike = np.sum([weight @ fix.position_m for weight, fix in zip(weights, fixes, strict=True)], axis=0)
-    return PositionFix(np.asarray(covariance @ weighted), (covariance + covariance.T) / 2)

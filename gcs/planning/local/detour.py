@@ -52,11 +52,17 @@ A slower trajectory is a last resort: it stays slow until it next stands still.
 STILL_M_S = 1e-6
 """What is slower stands still."""
 
+NEAREST_M = 1e-3
+"""No piece joins the trajectory nearer to where it begins."""
+
 SHARE_OF_ACCELERATION = 0.5
 """What the speed profile may use of the acceleration limit: snap is finite, and corners need the rest."""
 
 OPENED_CELLS = 3
 """The margin begins so many cells further from the ends of a way than it is wide."""
+
+MOST_CURVES = 40
+"""Curves that are tried for one piece: what bounds its time."""
 
 REFINEMENTS = 5
 """How often points are added where a curve is not free."""
@@ -111,8 +117,12 @@ class Detour:
 
     def flown(self, trajectory: PiecewisePolynomial) -> PiecewisePolynomial:
         """The whole trajectory with the piece in its place."""
-        parts = [part_of_curve(trajectory, 0.0, self.leave_s)] if self.leave_s > 0 else []
-        parts.append(self.curve)
+        onward = self.onward(trajectory)
+        return joined_curves(part_of_curve(trajectory, 0.0, self.leave_s), onward) if self.leave_s > 0 else onward
+
+    def onward(self, trajectory: PiecewisePolynomial) -> PiecewisePolynomial:
+        """The piece and the trajectory behind it."""
+        parts = [self.curve]
         if self.rejoin_s < self.own_pace_s:
             slowed = part_of_curve(trajectory, self.rejoin_s, self.own_pace_s)
             parts.append(PiecewisePolynomial(slowed.coefficients, slowed.durations_s / self.pace))
@@ -157,12 +167,61 @@ def plan_detour(
     if trouble_s <= earliest:
         raise InfeasibleError("the trajectory is blocked before a detour can begin: stop now, then hold or back off")
     leave_s = max([earliest, *[stop for stop in stops_s if earliest < stop <= trouble_s]])
-    wall = CellCounts(area)
+    rejoins_s = _rejoins(times, blocked, int(blocked.argmax()) + 1)
     start = motion_at(trajectory, leave_s)
-    ways = list(_ways(trajectory, leave_s, _rejoins(times, blocked), area, options))
+    return _joining(start, trajectory, leave_s, rejoins_s, area, limits, options, stops_s)
+
+
+def plan_return(
+    state: NDArray[np.float64],
+    trajectory: PiecewisePolynomial,
+    from_s: float,
+    area: BinaryMap,
+    limits: FlightLimits,
+    options: DetourOptions | None = None,
+) -> Detour:
+    """Come back to a trajectory from somewhere beside it, behind all that blocks it as far as is looked.
+
+    Args:
+        state: position, velocity, acceleration and jerk now, shape (4, 3).
+        trajectory: what is to be flown, scene ENU; it rests at its end.
+        from_s: time on it before which it is not joined.
+        area: map of the plane, grown by the safe distance and all errors.
+        limits: kept on the true extrema of the piece.
+        options: what the piece may be like.
+
+    Raises:
+        InfeasibleError: no piece holds.
+    """
+    options = options or DetourOptions()
+    rejoins_s = [trajectory.duration_s]
+    if from_s < trajectory.duration_s:
+        times, blocked = _blocked_windows(trajectory, from_s, area, options)
+        behind = int(np.flatnonzero(blocked)[-1]) + 1 if blocked.any() else 0
+        rejoins_s = _rejoins(times, blocked, behind) or rejoins_s
+    return _joining(state, trajectory, from_s, rejoins_s, area, limits, options, ())
+
+
+def _joining(
+    start: NDArray[np.float64],
+    trajectory: PiecewisePolynomial,
+    leave_s: float,
+    rejoins_s: Sequence[float],
+    area: BinaryMap,
+    limits: FlightLimits,
+    options: DetourOptions,
+    stops_s: Sequence[float],
+) -> Detour:
+    """The first piece that holds from a state (4, 3) to one of some times on the trajectory."""
+    wall = CellCounts(area)
+    ways = list(_ways(start[0], trajectory, rejoins_s, area, options))
+    curves_left = MOST_CURVES
     for (after, paces), (rejoin_s, way) in itertools.product(PACES.items(), ways):
         end = motion_at(trajectory, rejoin_s) * after ** np.arange(4)[:, None]
-        curve = _free_curve(start, end, way, paces, wall, limits, options)
+        if np.linalg.norm(end[0] - start[0]) < NEAREST_M:
+            continue
+        curve, tried = _free_curve(start, end, way, paces, wall, limits, options, curves_left)
+        curves_left -= tried
         if curve is not None:
             own_pace_s = rejoin_s if after == 1.0 else _next_standstill_s(trajectory, rejoin_s, stops_s)
             return Detour(leave_s, rejoin_s, curve, after, own_pace_s, way)
@@ -188,28 +247,26 @@ def _blocked_windows(
     return times, np.bincount(window, blocked, len(times) - 1) > 0
 
 
-def _rejoins(times: NDArray[np.float64], blocked: NDArray[np.bool_]) -> list[float]:
-    """Times at which the trajectory may be joined again, in the order in which they are tried."""
-    trouble = int(blocked.argmax())
+def _rejoins(times: NDArray[np.float64], blocked: NDArray[np.bool_], first: int) -> list[float]:
+    """Times from a window on at which the trajectory may be joined again, in the order in which they are tried."""
     needed = math.ceil(CLEAR_S / WINDOW_S)
     good = [
         float(times[k])
-        for k in range(trouble + 1, len(times))
-        if not blocked[k - 1] and not blocked[k : k + needed].any()
+        for k in range(first, len(times))
+        if not blocked[max(k - 1, 0)] and not blocked[k : k + needed].any()
     ]
     wanted = [good[0] + after for after in REJOINS] if good else []
     return list(dict.fromkeys(min(good, key=lambda time, aim=aim: abs(time - aim)) for aim in wanted))  # type: ignore[misc]
 
 
 def _ways(
+    start: NDArray[np.float64],
     trajectory: PiecewisePolynomial,
-    leave_s: float,
     rejoins_s: Sequence[float],
     area: BinaryMap,
     options: DetourOptions,
 ) -> Iterator[tuple[float, NDArray[np.float64]]]:
-    """Ways on the map, each with the time at which it joins the trajectory again."""
-    start = trajectory.value(leave_s)
+    """Ways on the map from a place (3,), each with the time at which it joins the trajectory again."""
     for margin_m in options.margins_m:
         grown = area.grown(margin_m)
         for rejoin_s in rejoins_s:
@@ -246,8 +303,9 @@ def _free_curve(
     wall: CellCounts,
     limits: FlightLimits,
     options: DetourOptions,
-) -> PiecewisePolynomial | None:
-    """The quickest of some curves along a way that holds the limits and is free; None when none does.
+    most_curves: int,
+) -> tuple[PiecewisePolynomial | None, int]:
+    """The quickest of some curves along a way that holds the limits and is free, or None, and how many were tried.
 
     Args:
         start: position, velocity, acceleration and jerk there, shape (4, 3).
@@ -257,11 +315,16 @@ def _free_curve(
         wall: the map.
         limits: kept on the true extrema.
         options: for the slab.
+        most_curves: that are tried.
     """
+    tried = 0
     for pace in paces:
         points = _at_heights(way_m, float(start[0, 2]), float(end[0, 2]))
         points[0], points[-1] = start[0], end[0]
         for _ in range(REFINEMENTS + 1):
+            if tried == most_curves:
+                return None, tried
+            tried += 1
             lengths = np.linalg.norm(np.diff(points, axis=0), axis=1)
             times = profile_times(
                 lengths,
@@ -275,9 +338,9 @@ def _free_curve(
                 break
             bad = wall.blocked_pieces(curve) | ~heights_in_slab(curve, options.slab_m)
             if not bad.any():
-                return curve
+                return curve, tried
             points = _with_middles(points, bad)
-    return None
+    return None, tried
 
 
 def _at_heights(way_m: NDArray[np.float64], start_m: float, end_m: float) -> NDArray[np.float64]:

@@ -1,15 +1,13 @@
 """What to do about obstacles that stand and obstacles that move: fly on, fly round, hover, or back off.
 
 The first of these that is proved free is taken, in this order: the trajectory as it is, a detour, a little more of the
-trajectory and then coming to rest, coming to rest at once, and coming to rest somewhere else. Standing obstacles are
-on the map; moving ones are taken off it, predicted, and kept away from in space and time. Where nothing is proved free
-of what moves, what keeps away from it the most is done; where nothing keeps the safe distance from what stands, what
-keeps nearly as much.
+trajectory and then coming to rest, and coming to rest with the least move. Standing obstacles are on the map; moving
+ones are taken off it, predicted, and kept away from in space and time. Where nothing keeps all that is asked, that is
+done which lacks least of it.
 """
 
 from __future__ import annotations
 
-import itertools
 import math
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Literal
@@ -18,13 +16,14 @@ import numpy as np
 
 from gcs.core.errors import InfeasibleError
 from gcs.planning.local.binary_map import BinaryMap
-from gcs.planning.local.curve_checks import heights_in_slab
+from gcs.planning.local.curve_checks import within_limits
 from gcs.planning.local.curve_clearance import CellCounts
 from gcs.planning.local.curve_parts import joined_curves, motion_at, part_of_curve
 from gcs.planning.local.detour import STILL_M_S, Detour, DetourOptions, plan_detour
 from gcs.planning.local.lidar_map import BESIDE_M
-from gcs.planning.local.rest_curve import curve_to_rest
-from gcs.planning.local.space_time import MovingClearance, first_conflict_s, margins_m
+from gcs.planning.local.rest_search import search_rest
+from gcs.planning.local.room import Room, room_about
+from gcs.planning.local.space_time import STEP_S, MovingClearance, Predictions, first_conflict_s
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -33,11 +32,12 @@ if TYPE_CHECKING:
 
     from gcs.core.trajectory import PiecewisePolynomial
     from gcs.planning.local.moving_tracks import Track
+    from gcs.planning.local.surroundings import Scene
     from gcs.planning.trajectories.flight_limits import FlightLimits
 
 Kind = Literal["fly on", "detour", "hover", "back off"]
 
-BRAKING_SHARES = (1.5, 2.0, 2.5, 3.2)
+BRAKING_SHARES = (1.5, 2.0, 2.5, 3.2, 4.5)
 """Tried multiples of the distance that the acceleration limit alone needs to stop."""
 
 LEAST_BRAKING_M = 0.3
@@ -45,11 +45,23 @@ LEAST_BRAKING_M = 0.3
 COMMITTED_S = 0.5
 """So far along the trajectory the vehicle may go on while it can still come to rest from there."""
 
-RETREATS_M = (2.0, 4.0, 7.0)
-DIRECTIONS = 12
+RETREATS_M = (0.7, 1.5, 2.5, 4.0, 6.0)
+DIRECTIONS = 16
 
-KEPT_SHARES = (1.0, 0.8, 0.6, 0.4)
-"""Shares of the safe distance that a way to rest keeps: one cell more on the map must not leave the vehicle without."""
+WORTH_M = 0.15
+"""What is flown is changed only for so much more margin."""
+
+STANDING_WEIGHT, END_WEIGHT = 1.5, 0.3
+"""A metre that lacks towards what stands counts for so many towards what moves: on the way, and at rest alone."""
+
+LEAST_SHARE = 0.5
+"""No curve to rest comes nearer to what stands than this share of what is kept now, or of the safe distance."""
+
+VERIFIED = 6
+"""So many of the best curves are proved at most."""
+
+ROUNDED_M = 0.05
+"""What the search bounds is proved for so much less."""
 
 SWEPT_S = 1.0
 """A detour keeps off where a moving obstacle is this long before and after it would be met."""
@@ -100,6 +112,8 @@ def evade(
     limits: FlightLimits,
     options: EvasionOptions,
     stops_s: Sequence[float] = (),
+    forbidden: NDArray[np.bool_] | None = None,
+    stay: bool = False,
 ) -> Evasion:
     """Choose what to do.
 
@@ -112,50 +126,45 @@ def evade(
         limits: kept on the true extrema of what is new.
         options: what is kept.
         stops_s: times of the viewpoints on the trajectory.
+        forbidden: cells of the map that nothing new may enter though no lidar sees why, of the map's shape.
+        stay: come to rest, whatever comes.
 
     Raises:
         InputError: `now_s` is not on the trajectory.
         InfeasibleError: no curve to rest keeps off what stands.
     """
-    standing = _without(seen, tracks, clock_s)
-    rest = part_of_curve(trajectory, now_s, trajectory.duration_s)
-    met_s = first_conflict_s(margins_m(rest, clock_s, tracks, options.moving))
+    room = room_about(_without(seen, tracks, clock_s), forbidden, options.safe_m)
+    predictions = Predictions.of(tracks, clock_s, options.moving)
     best: Evasion | None = None
-    for area in _maps_to_fly_round(standing, tracks, clock_s, met_s, options):
-        try:
-            detour = plan_detour(trajectory, now_s, area, limits, options.detour, stops_s)
-        except InfeasibleError:
-            continue
-        flown = rest if detour is None else _from_now(detour, trajectory, now_s)
-        margin = float(margins_m(flown, clock_s, tracks, options.moving).min())
-        best = _better(best, Evasion("fly on" if detour is None else "detour", flown, margin, options.safe_m, detour))
-        if margin >= 0:
-            return best
-    curves = _curves_to_rest(trajectory, now_s, limits)
-    # Where the vehicle is nearer than it should be, it comes no nearer.
-    room_m = max(min(options.safe_m, standing.room_m(trajectory.value(now_s)[:2])), 0.0)
-    full = standing.grown(options.safe_m)
-    # Rest at the safe distance is wanted more than a way there that keeps as much as now.
-    for at_distance, kept_m in itertools.product((True, False), room_m * np.array(KEPT_SHARES)):
-        wall = CellCounts(standing.grown(kept_m))
-        curves, again = itertools.tee(curves)  # made one by one, and once
-        for kind, curve in again:
-            if at_distance and full.is_blocked(curve.value(curve.duration_s)[:2]):
+    if not stay:
+        rest = part_of_curve(trajectory, now_s, trajectory.duration_s)
+        met_s = first_conflict_s(predictions.margins_m(rest))
+        for area in _maps_to_fly_round(room, tracks, clock_s, met_s, options):
+            try:
+                detour = plan_detour(trajectory, now_s, area, limits, options.detour, stops_s)
+            except InfeasibleError:
                 continue
-            if wall.blocked_pieces(curve).any() or not heights_in_slab(curve, options.detour.slab_m).all():
-                continue
-            margin = float(margins_m(curve, clock_s, tracks, options.moving).min())
-            best = _better(best, Evasion(kind, curve, margin, float(kept_m)))
+            flown = rest if detour is None else _from_now(detour, trajectory, now_s)
+            margin = predictions.least_margin_m(flown)
+            found = Evasion("fly on" if detour is None else "detour", flown, margin, options.safe_m, detour)
             if margin >= 0:
-                return best
-        if best is not None:
-            return best
-    raise InfeasibleError("the vehicle can come to rest nowhere without touching what stands: take over by hand")
+                return found
+            best = found if best is None or margin > best.margin_m else best
+        committed = _committed(trajectory, now_s, limits, room, predictions, options)
+        if committed is not None:
+            return committed
+    resting = _to_rest(motion_at(trajectory, now_s), limits, room, predictions, options)
+    if best is not None and (resting is None or best.margin_m > resting.margin_m - WORTH_M):
+        return best
+    if resting is None:
+        raise InfeasibleError("the vehicle can come to rest nowhere without touching what stands: take over by hand")
+    return resting
 
 
-def _better(one: Evasion | None, other: Evasion) -> Evasion:
-    """The one that keeps away the more from what moves."""
-    return one if one is not None and one.margin_m >= other.margin_m else other
+def standing_map(scene: Scene, safe_m: float) -> BinaryMap:
+    """The grown map of what stands."""
+    standing = _without(scene.seen, scene.tracks, scene.clock_s)
+    return room_about(standing, scene.forbidden, safe_m).blocked_below(safe_m)
 
 
 def _without(seen: BinaryMap, tracks: Sequence[Track], clock_s: float) -> BinaryMap:
@@ -170,24 +179,24 @@ def _without(seen: BinaryMap, tracks: Sequence[Track], clock_s: float) -> Binary
 
 
 def _maps_to_fly_round(
-    standing: BinaryMap, tracks: Sequence[Track], clock_s: float, met_s: float | None, options: EvasionOptions
+    room: Room, tracks: Sequence[Track], clock_s: float, met_s: float | None, options: EvasionOptions
 ) -> Iterator[BinaryMap]:
     """Grown maps: of what stands, and with the moving obstacles where they are about the time at which one is met."""
-    grown = standing.grown(options.safe_m)
+    grown = room.blocked_below(options.safe_m)
     yield grown
     if met_s is None:
         return
     blocked = grown.blocked.copy()
-    middles = standing.points_m(np.argwhere(np.ones_like(blocked)) + 0.5)
+    middles = grown.points_m(np.moveaxis(np.indices(blocked.shape), 0, -1) + 0.5)
     times = clock_s + max(met_s - SWEPT_S, 0.0), clock_s + met_s + SWEPT_S
     for track in tracks:
         first, last = track.positions(times)
-        kept = options.moving.keep_m + track.radius_m + options.moving.sigmas * float(track.deviations_m(times).max())
+        unsure = options.moving.sigmas * float(track.deviations_m(times).max())
+        kept = options.moving.keep_m + track.radius_m + min(unsure, options.moving.most_unsure_m)
         move = last - first
         along = np.clip((middles - first) @ move / max(float(move @ move), 1e-9), 0.0, 1.0)
-        near = np.linalg.norm(middles - first - along[:, None] * move, axis=1) < kept
-        blocked |= near.reshape(blocked.shape)
-    yield BinaryMap(blocked, standing.origin_m, standing.cell_m)
+        blocked |= ((middles - first - along[..., None] * move) ** 2).sum(axis=-1) < kept**2
+    yield BinaryMap(blocked, grown.origin_m, grown.cell_m)
 
 
 def _from_now(detour: Detour, trajectory: PiecewisePolynomial, now_s: float) -> PiecewisePolynomial:
@@ -195,47 +204,68 @@ def _from_now(detour: Detour, trajectory: PiecewisePolynomial, now_s: float) -> 
     return part_of_curve(flown, now_s, flown.duration_s)
 
 
-def _curves_to_rest(
-    trajectory: PiecewisePolynomial, now_s: float, limits: FlightLimits
-) -> Iterator[tuple[Kind, PiecewisePolynomial]]:
-    """Curves from now on that end at rest: a little further along the trajectory, soon, and where there is room."""
+def _committed(
+    trajectory: PiecewisePolynomial,
+    now_s: float,
+    limits: FlightLimits,
+    room: Room,
+    predictions: Predictions,
+    options: EvasionOptions,
+) -> Evasion | None:
+    """A little further along the trajectory, and to rest from there: None when that does not keep all that is asked."""
     later_s = min(now_s + COMMITTED_S, trajectory.duration_s)
-    onward = part_of_curve(trajectory, now_s, later_s)
+    if later_s - now_s < STEP_S:
+        return None
     later = motion_at(trajectory, later_s)
-    for curve in _quickest_to(_places_ahead(later, limits), later, limits):
-        yield "fly on", joined_curves(onward, curve)
-    state = motion_at(trajectory, now_s)
-    for curve in _quickest_to(_places_ahead(state, limits), state, limits):
-        yield "hover", curve
-    for curve in _quickest_to(_places_about(state), state, limits):
-        yield "back off", curve
+    places = _places_ahead(later, limits)
+    found = search_rest(later, places, limits, room, predictions, later_s - now_s)
+    onward = part_of_curve(trajectory, now_s, later_s)
+    wall = CellCounts(room.blocked_below(options.safe_m))
+    for k in range(len(places)):
+        if math.isfinite(found.durations_s[k]) and min(found.rooms_m[k], found.end_rooms_m[k]) >= options.safe_m:
+            curve = joined_curves(onward, found.curve(k))
+            margin = predictions.least_margin_m(curve)
+            if margin >= 0 and not wall.blocked_pieces(curve).any() and within_limits(curve, limits):
+                return Evasion("fly on", curve, margin, options.safe_m)
+    return None
 
 
-def _quickest_to(
-    places: Iterator[NDArray[np.float64]], state: NDArray[np.float64], limits: FlightLimits
-) -> Iterator[PiecewisePolynomial]:
-    """The curves to rest at some places from a state (4, 3) that the limits allow."""
-    for place in places:
-        curve = curve_to_rest(state, place, limits)
-        if curve is not None:
-            yield curve
+def _to_rest(
+    state: NDArray[np.float64], limits: FlightLimits, room: Room, predictions: Predictions, options: EvasionOptions
+) -> Evasion | None:
+    """The curve to rest that lacks least of what is asked, and among those that lack nothing the least move."""
+    ahead = _places_ahead(state, limits)
+    places = np.concatenate([ahead, _places_about(ahead[0])])
+    found = search_rest(state, places, limits, room, predictions)
+    here_m = min(room.at(state[0]), options.safe_m)
+    lack = np.minimum(found.margins_m, 0.0)
+    lack += STANDING_WEIGHT * np.minimum(found.rooms_m - options.safe_m, 0.0)
+    lack += END_WEIGHT * np.minimum(found.end_rooms_m - options.safe_m, 0.0)
+    lack -= 1e-3 * np.linalg.norm(places - ahead[0], axis=1)
+    lack[~(np.isfinite(found.durations_s) & (found.rooms_m > LEAST_SHARE * here_m))] = -np.inf
+    for k in np.argsort(-lack)[:VERIFIED]:
+        if lack[k] == -np.inf:
+            break
+        curve = found.curve(int(k))
+        kept_m = min(float(found.rooms_m[k]) - ROUNDED_M, options.safe_m)
+        if CellCounts(room.blocked_below(kept_m)).blocked_pieces(curve).any() or not within_limits(curve, limits):
+            continue
+        kind: Kind = "hover" if k < len(ahead) else "back off"
+        return Evasion(kind, curve, predictions.least_margin_m(curve), kept_m)
+    return None
 
 
-def _places_ahead(state: NDArray[np.float64], limits: FlightLimits) -> Iterator[NDArray[np.float64]]:
-    """Where the vehicle can come to rest without a turn."""
+def _places_ahead(state: NDArray[np.float64], limits: FlightLimits) -> NDArray[np.float64]:
+    """Where the vehicle can come to rest without a turn, shape (K, 3)."""
     speed = float(np.linalg.norm(state[1]))
     if speed < STILL_M_S:
-        yield state[0]
-        return
-    for multiple in BRAKING_SHARES:
-        braking_m = max(speed**2 / (2 * limits.acceleration_m_s2), LEAST_BRAKING_M)
-        yield state[0] + multiple * braking_m * state[1] / speed
+        return state[:1].copy()
+    braking_m = max(speed**2 / (2 * limits.acceleration_m_s2), LEAST_BRAKING_M)
+    return np.asarray(state[0] + np.array(BRAKING_SHARES)[:, None] * braking_m * state[1] / speed)
 
 
-def _places_about(state: NDArray[np.float64]) -> Iterator[NDArray[np.float64]]:
-    """Round about at the same height, first those behind the vehicle."""
-    behind = math.atan2(-state[1, 1], -state[1, 0])
-    for distance in RETREATS_M:
-        for step in range(DIRECTIONS):
-            turn = behind + (step + 1) // 2 * (-1) ** step * 2 * math.pi / DIRECTIONS
-            yield state[0] + distance * np.array([math.cos(turn), math.sin(turn), 0.0])
+def _places_about(place_m: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Round about a place at the same height, shape (K, 3)."""
+    turns = 2 * math.pi / DIRECTIONS * np.arange(DIRECTIONS)
+    ways = np.column_stack([np.cos(turns), np.sin(turns), np.zeros(DIRECTIONS)])
+    return np.asarray(place_m + (np.array(RETREATS_M)[:, None, None] * ways).reshape(-1, 3))

@@ -34,7 +34,7 @@ BLOCKED = 0.3
 BESIDE_M = 0.5
 """What is so near to a moving obstacle's disc is part of it."""
 
-NOTHING_MOVES = np.empty((0, 3))
+NO_DISCS = np.empty((0, 3))
 
 UNTOUCHED, IS_PASSED, IS_HIT = 0, 1, 2
 
@@ -74,17 +74,20 @@ class LidarMap:
         position_m: ArrayLike,
         heading_rad: float,
         time_s: float,
-        moving: NDArray[np.float64] = NOTHING_MOVES,
+        moving: NDArray[np.float64] = NO_DISCS,
+        round_things: NDArray[np.float64] = NO_DISCS,
     ) -> None:
         """Enter a scan.
 
         Args:
-            scan: what was measured.
+            scan: what was measured; each range is the least within its step.
             position_m: of the sensor, shape (2,), scene ENU.
             heading_rad: of the vehicle's nose, counter-clockwise from east.
             time_s: when; not before the last scan's.
             moving: discs of x, y and radius (K, 3) of what is tracked as moving: what is hit in them does not stay on
                 the map, or it would leave a trail.
+            round_things: discs (K, 3) that what is round reaches no further than, errors included: a sector in which
+                one of them begins where it ends is hit there alone, not over its whole width.
 
         Raises:
             InputError: the pose or the time is not a finite number, or the scan is older than the last one.
@@ -96,9 +99,12 @@ class LidarMap:
             raise InputError(f"a scan of {time_s:g} s is older than the map of {self._time_s:g} s", field="time_s")
         self._fade_to(time_s)
         self._follow(position)
-        ends, hits = scan.rays(position, heading_rad)
-        off = np.linalg.norm(ends[:, None] - moving[:, :2], axis=2) - moving[:, 2]
-        hits &= (off > BESIDE_M).all(axis=1)
+        beams, each = scan.spread()
+        ends, hits = beams.rays(position, heading_rad)
+        hits &= (_off(ends, moving) > BESIDE_M).all(axis=1)
+        of_round = (_off(ends, round_things) <= 0).any(axis=1)
+        explained = np.repeat(of_round.reshape(-1, each).any(axis=1), each)
+        hits &= of_round | ~explained
         _enter(self._log_odds, self._in_cells(position), self._in_cells(ends), hits)
 
     def blocked_at(self, time_s: float) -> BinaryMap:
@@ -127,6 +133,11 @@ class LidarMap:
             into = tuple(slice(max(-o, 0), count - max(o, 0)) for o in off)
             moved[into] = self._log_odds[tuple(kept)]
         self._log_odds = moved
+
+
+def _off(points: NDArray[np.float64], discs: NDArray[np.float64]) -> NDArray[np.float64]:
+    """How far points (N, 2) are from the edges of discs (K, 3), negative inside, shape (N, K)."""
+    return np.asarray(np.linalg.norm(points[:, None] - discs[:, :2], axis=2) - discs[:, 2])
 
 
 @compiled

@@ -22,13 +22,19 @@ GATE = 13.8
 
 NO_MATCH = 1e6
 
+SURELY = 9.0
+"""A velocity that is three deviations from zero, squared, is motion."""
+
+STILL_MOVING = 0.6
+"""What was moving needs only this share of speed and deviations to be moving still."""
+
 
 @dataclass(frozen=True)
 class TrackingOptions:
     """How obstacles move, and how well they are seen.
 
     Attributes:
-        measurement_m: standard deviation of a disc's middle on each axis.
+        measurement_m: standard deviation of a disc's middle on each axis, where it is not given.
         wander_m2_s3: spectral density of the acceleration's white noise.
         first_speed_m_s: standard deviation of a new track's velocity on each axis.
         confirmed_after: sightings before a track counts.
@@ -37,7 +43,7 @@ class TrackingOptions:
     """
 
     measurement_m: float = 0.15
-    wander_m2_s3: float = 0.3
+    wander_m2_s3: float = 0.1
     first_speed_m_s: float = 3.0
     confirmed_after: int = 4
     forgotten_after_s: float = 1.5
@@ -84,7 +90,8 @@ class Track:
         place, cross, velocity = self.covariance[:2, :2], self.covariance[:2, 2:], self.covariance[2:, 2:]
         t = ahead[:, None, None]
         spread = place + t * (cross + cross.T) + t**2 * velocity + self.wander_m2_s3 * np.abs(t) ** 3 / 3 * np.eye(2)
-        return np.asarray(np.sqrt(np.linalg.eigvalsh(spread)[:, -1]))
+        xx, yy, xy = spread[:, 0, 0], spread[:, 1, 1], spread[:, 0, 1]
+        return np.asarray(np.sqrt((xx + yy) / 2 + np.hypot((xx - yy) / 2, xy)))
 
     def at(self, time_s: float) -> Track:
         """The same at a later time, without having been seen."""
@@ -106,19 +113,23 @@ class Tracker:
     def __init__(self, options: TrackingOptions | None = None) -> None:
         self._options = options or TrackingOptions()
         self._tracks: list[Track] = []
+        self._moving: set[int] = set()
         self._made = 0
         self._time_s = -math.inf
 
-    def see(self, discs: NDArray[np.float64], time_s: float) -> None:
+    def see(self, discs: NDArray[np.float64], time_s: float, covariances: NDArray[np.float64] | None = None) -> None:
         """Enter what a scan shows.
 
         Args:
             discs: rows of x, y and radius (K, 3), m, scene ENU.
             time_s: when; not before the last.
+            covariances: of their middles, m^2, shape (K, 2, 2); those of the options when not given.
 
         Raises:
             InputError: discs that are not finite numbers, or an older time.
         """
+        if covariances is None:
+            covariances = np.tile(self._options.measurement_m**2 * np.eye(2), (len(discs), 1, 1))
         if discs.ndim != 2 or discs.shape[1] != 3 or not np.isfinite(discs).all():
             raise InputError("discs are rows of three finite numbers", field="discs")
         if not self._time_s <= time_s < math.inf:
@@ -126,34 +137,41 @@ class Tracker:
         self._time_s = time_s
         options = self._options
         tracks = [track.at(time_s) for track in self._tracks if time_s - track.seen_s <= options.forgotten_after_s]
-        matches = _matches(tracks, discs, options.measurement_m)
+        matches = _matches(tracks, discs, covariances)
         seen = [
-            _updated(track, discs[matches[k]], options) if k in matches else track for k, track in enumerate(tracks)
+            _updated(track, discs[matches[k]], covariances[matches[k]]) if k in matches else track
+            for k, track in enumerate(tracks)
         ]
-        new = [self._new(disc) for k, disc in enumerate(discs) if k not in matches.values()]
+        new = [self._new(discs[k], covariances[k]) for k in range(len(discs)) if k not in matches.values()]
         self._tracks = seen + new
+        self._moving = {track.number for track in self.confirmed() if self._moves(track)}
 
     def confirmed(self) -> list[Track]:
         """Tracks that were seen often enough."""
         return [track for track in self._tracks if track.sightings >= self._options.confirmed_after]
 
     def moving(self) -> list[Track]:
-        """Confirmed tracks whose velocity is surely not zero (three deviations) and worth the name."""
-        return [track for track in self.confirmed() if self._moves(track)]
+        """Confirmed tracks whose velocity is surely not zero and worth the name, as of the last scan.
+
+        What moved a moment ago need not be as sure.
+        """
+        return [track for track in self._tracks if track.number in self._moving]
 
     def _moves(self, track: Track) -> bool:
         velocity = track.state[2:]
         surprise = float(velocity @ np.linalg.solve(track.covariance[2:, 2:], velocity))
-        return track.speed_m_s >= self._options.least_speed_m_s and surprise >= 9.0
+        share = STILL_MOVING if track.number in self._moving else 1.0
+        return track.speed_m_s >= share * self._options.least_speed_m_s and surprise >= share**2 * SURELY
 
-    def _new(self, disc: NDArray[np.float64]) -> Track:
+    def _new(self, disc: NDArray[np.float64], spread: NDArray[np.float64]) -> Track:
         self._made += 1
-        deviations = np.array([self._options.measurement_m] * 2 + [self._options.first_speed_m_s] * 2)
+        covariance = np.diag([0.0, 0.0] + [self._options.first_speed_m_s**2] * 2)
+        covariance[:2, :2] = spread
         return Track(
             number=self._made,
             time_s=self._time_s,
             state=np.array([disc[0], disc[1], 0.0, 0.0]),
-            covariance=np.diag(deviations**2),
+            covariance=covariance,
             wander_m2_s3=self._options.wander_m2_s3,
             radius_m=float(disc[2]),
             sightings=1,
@@ -161,23 +179,21 @@ class Tracker:
         )
 
 
-def _matches(tracks: list[Track], discs: NDArray[np.float64], measurement_m: float) -> dict[int, int]:
+def _matches(tracks: list[Track], discs: NDArray[np.float64], covariances: NDArray[np.float64]) -> dict[int, int]:
     """Which disc belongs to which track: the assignment of least sum inside the gates."""
     if not tracks or not len(discs):
         return {}
     costs = np.empty((len(tracks), len(discs)))
     for k, track in enumerate(tracks):
         off = discs[:, :2] - track.state[:2]
-        spread = track.covariance[:2, :2] + measurement_m**2 * np.eye(2)
-        costs[k] = np.einsum("ni,ij,nj->n", off, np.linalg.inv(spread), off)
+        costs[k] = np.einsum("ni,nij,nj->n", off, np.linalg.inv(track.covariance[:2, :2] + covariances), off)
     costs[costs > GATE] = NO_MATCH
     rows, columns = linear_sum_assignment(costs)
     return {int(k): int(c) for k, c in zip(rows, columns, strict=True) if costs[k, c] <= GATE}
 
 
-def _updated(track: Track, disc: NDArray[np.float64], options: TrackingOptions) -> Track:
-    spread = track.covariance[:2, :2] + options.measurement_m**2 * np.eye(2)
-    gain = track.covariance[:, :2] @ np.linalg.inv(spread)
+def _updated(track: Track, disc: NDArray[np.float64], spread: NDArray[np.float64]) -> Track:
+    gain = track.covariance[:, :2] @ np.linalg.inv(track.covariance[:2, :2] + spread)
     covariance = track.covariance - gain @ track.covariance[:2]
     return replace(
         track,

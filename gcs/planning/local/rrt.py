@@ -6,38 +6,27 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from gcs.planning.local.sampling_planner import SamplingOptions, SamplingPlanner
 from gcs.planning.local.search_tree import (
     NONE,
     SearchTree,
     add_node,
     distance,
     nearest_node,
-    rooted_tree,
     steered,
     straight_free,
-    way_from_root,
 )
+from gcs.planning.local.single_tree import SingleTreePlanner
 from gcs.planning.numerics.compiled import compiled
 
 if TYPE_CHECKING:
-    from numpy.typing import ArrayLike, NDArray
-
-    from gcs.planning.local.binary_map import BinaryMap
+    from numpy.typing import NDArray
 
 Floats = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 Marks = np.ndarray[tuple[int, ...], np.dtype[np.bool_]]
 
 
-class Rrt(SamplingPlanner):
+class Rrt(SingleTreePlanner):
     """See `SamplingPlanner`; it is finished with its first way."""
-
-    def __init__(
-        self, area: BinaryMap, start_m: ArrayLike, goal_m: ArrayLike, options: SamplingOptions | None = None
-    ) -> None:
-        super().__init__(area, start_m, goal_m, options)
-        self._tree = rooted_tree(self._start, self._options.iterations + 2)
-        self._reached = NONE
 
     @property
     def finished(self) -> bool:
@@ -47,9 +36,6 @@ class Rrt(SamplingPlanner):
     def _grow(self, samples: NDArray[np.float64]) -> None:
         if self._reached == NONE:
             self._reached = _grow(self._tree, samples, self._goal, self._step, self._blocked)
-
-    def _best_cells(self) -> NDArray[np.float64] | None:
-        return None if self._reached == NONE else way_from_root(self._tree, self._reached)
 
 
 @compiled

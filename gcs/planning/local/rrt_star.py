@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from gcs.planning.local.sampling_planner import SamplingOptions, SamplingPlanner
 from gcs.planning.local.search_tree import (
     NONE,
     SearchTree,
@@ -14,38 +13,25 @@ from gcs.planning.local.search_tree import (
     distance,
     extend_star,
     hang_anew,
-    rooted_tree,
     straight_free,
-    way_from_root,
 )
+from gcs.planning.local.single_tree import SingleTreePlanner
 from gcs.planning.numerics.compiled import compiled
 
 if TYPE_CHECKING:
-    from numpy.typing import ArrayLike, NDArray
-
-    from gcs.planning.local.binary_map import BinaryMap
+    from numpy.typing import NDArray
 
 Floats = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 Marks = np.ndarray[tuple[int, ...], np.dtype[np.bool_]]
 
 
-class RrtStar(SamplingPlanner):
+class RrtStar(SingleTreePlanner):
     """See `SamplingPlanner`; its way gets shorter with more samples."""
-
-    def __init__(
-        self, area: BinaryMap, start_m: ArrayLike, goal_m: ArrayLike, options: SamplingOptions | None = None
-    ) -> None:
-        super().__init__(area, start_m, goal_m, options)
-        self._tree = rooted_tree(self._start, self._options.iterations + 2)
-        self._reached = NONE
 
     def _grow(self, samples: NDArray[np.float64]) -> None:
         self._reached = _grow(
             self._tree, samples, self._goal, self._reached, self._step, self._gamma, self._axes, self._blocked
         )
-
-    def _best_cells(self) -> NDArray[np.float64] | None:
-        return None if self._reached == NONE else way_from_root(self._tree, self._reached)
 
 
 @compiled

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from gcs.core.errors import InputError
-from gcs.planning.local.cooperative_position import PositionFix, Sighting, combined_fix, sighted_position
+from gcs.planning.local.cooperative_position import PositionFix, Sighting, sighted_position
 
 OBSERVER = np.array([3.0, -20.0, 25.0])
 OBSERVER_COVARIANCE = np.diag([0.4, 0.5, 0.9]) ** 2
@@ -73,20 +73,6 @@ def test_the_papers_equations_hold_when_the_angles_are_sure():
     assert np.allclose(fix.position_m - OBSERVER, wanted)
 
 
-def test_combined_fixes_are_surer_and_reach_their_bound():
-    rng = np.random.default_rng(1)
-    covariances = [np.diag([1.0, 0.2, 0.3]), np.array([[0.5, 0.2, 0.0], [0.2, 0.4, 0.1], [0.0, 0.1, 2.0]])]
-    bound = np.linalg.inv(sum(np.linalg.inv(c) for c in covariances))
-    errors = [
-        combined_fix([PositionFix(rng.multivariate_normal(OBSERVER, c), c) for c in covariances]).position_m - OBSERVER
-        for _ in range(4000)
-    ]
-    assert np.allclose(np.cov(np.array(errors).T), bound, atol=0.05 * bound.max())
-    both = combined_fix([PositionFix(OBSERVER, c) for c in covariances])
-    assert np.allclose(both.covariance_m2, bound)
-    assert np.allclose(both.position_m, OBSERVER)
-
-
 GOOD = Sighting(20.0, 0.3, 1.0, 0.1, 0.01, 0.01)
 
 
@@ -122,5 +108,3 @@ def test_a_sighting_that_cannot_be_is_refused(field, bad):
 def test_a_fix_that_cannot_be_is_refused(position, covariance):
     with pytest.raises(InputError):
         PositionFix(position, covariance)
-    with pytest.raises(InputError, match="no fix"):
-        combined_fix([])

@@ -6,65 +6,12 @@ import numpy as np
 import pytest
 
 from gcs.core.errors import InputError
-from gcs.planning.local.lidar_scan import LidarScan
 from gcs.planning.local.moving_tracks import Tracker, TrackingOptions
-from gcs.planning.local.scan_clusters import scan_discs
-
-BEAMS = 720
-STEP = 2 * math.pi / BEAMS
-
-
-def scan_of(position, heading, circles, rng=None, first=0.0, beams=BEAMS):
-    bearings = heading + first + STEP * np.arange(beams)
-    rays = np.column_stack([np.cos(bearings), np.sin(bearings)])
-    ranges = np.full(beams, math.inf)
-    for x, y, radius in circles:
-        to = np.array([x, y]) - position
-        along = rays @ to
-        square = radius**2 - (to @ to - along**2)
-        hit = (square > 0) & (along > 0)
-        ranges[hit] = np.minimum(ranges[hit], along[hit] - np.sqrt(square[hit]))
-    if rng is not None:
-        ranges = np.maximum(ranges + rng.normal(0.0, 0.02, beams), 0.0)
-    return LidarScan(ranges, first, STEP, 30.0)
-
-
-@pytest.mark.parametrize("heading", [0.0, 0.7, 3.0])
-def test_round_objects_become_discs_at_their_places(heading):
-    circles = [(8.0, 0.0, 0.8), (-3.0, 6.0, 0.5), (0.0, -9.0, 1.2)]
-    position = np.array([0.5, 0.2])
-    discs = scan_discs(scan_of(position, heading, circles), position, heading)
-    assert len(discs) == 3  # also the one that lies across the first beam
-    for x, y, radius in circles:
-        k = np.hypot(discs[:, 0] - x, discs[:, 1] - y).argmin()
-        assert np.hypot(discs[k, 0] - x, discs[k, 1] - y) < 0.05 * radius
-        assert 0.95 * radius < discs[k, 2] < 1.1 * radius
-
-
-def test_a_box_becomes_a_disc_over_its_sides_that_are_seen():
-    corners = np.array([(6.0, -1.0), (8.0, -1.0), (8.0, 1.0), (6.0, 1.0)])
-    edges = [corners[k] + np.linspace(0, 1, 60)[:, None] * (corners[k - 1] - corners[k]) for k in range(4)]
-    outline = [(x, y, 0.02) for edge in edges for x, y in edge]
-    position = np.array([0.0, -8.0])
-    (disc,) = scan_discs(scan_of(position, 0.0, outline), position, 0.0)
-    assert np.hypot(disc[0] - 7.0, disc[1]) < 0.2
-    assert disc[2] == pytest.approx(math.sqrt(2), abs=0.15)
-
-
-def test_walls_and_an_empty_scan_give_no_discs():
-    wall = [(9.0, y, 0.3) for y in np.arange(-8, 8, 0.3)]
-    assert len(scan_discs(scan_of(np.zeros(2), 0.0, wall), np.zeros(2), 0.0)) == 0
-    assert scan_discs(scan_of(np.zeros(2), 0.0, []), np.zeros(2), 0.0).shape == (0, 3)
-
-
-def test_the_ends_of_a_sector_are_not_neighbours():
-    circles = [(5.0, 0.3, 0.3), (5.0 * math.cos(1.5), 5.0 * math.sin(1.5), 0.3)]
-    sector = scan_of(np.zeros(2), 0.0, circles, beams=round(1.6 / STEP))
-    assert len(scan_discs(sector, np.zeros(2), 0.0)) == 2
+from gcs.planning.local.scan_circles import scan_circles
 
 
 @pytest.mark.parametrize("seed", range(5))
-def test_a_vehicle_is_tracked_and_predicted_within_its_deviations(seed):
+def test_a_vehicle_is_tracked_and_predicted_within_its_deviations(seed, sector_scan):
     rng = np.random.default_rng(seed)
     velocity = rng.uniform(1.0, 3.0) * np.array([math.cos(seed), math.sin(seed)])
     start = np.array([6.0, 4.0])
@@ -73,8 +20,9 @@ def test_a_vehicle_is_tracked_and_predicted_within_its_deviations(seed):
         time = 0.1 * k
         position = np.array([0.3 * time, 0.0])
         place = start + velocity * time
-        scan = scan_of(position, 0.1 * time, [(*place, 0.9), (-5.0, 5.0, 0.6)], rng)
-        tracker.see(scan_discs(scan, position, 0.1 * time), time)
+        scan = sector_scan(position, 0.1 * time, [(*place, 0.9), (-5.0, 5.0, 0.6)], rng)
+        circles = scan_circles(scan, position, 0.1 * time)
+        tracker.see(circles.discs, time, circles.covariances)
     (track,) = tracker.moving()
     assert len(tracker.confirmed()) == 2
     assert np.linalg.norm(track.state[2:] - velocity) < 0.5
@@ -138,3 +86,18 @@ def test_bad_discs_and_old_times_are_refused():
     for bad in (np.array([[1.0, math.nan, 0.5]]), np.array([1.0, 2.0, 0.5])):
         with pytest.raises(InputError, match="three finite numbers"):
             tracker.see(bad, 2.0)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_what_stands_is_not_taken_for_moving_by_a_vehicle_that_passes(seed, sector_scan):
+    rng = np.random.default_rng(seed)
+    circles = [(rng.uniform(5, 25), rng.uniform(-6, 6), rng.uniform(0.3, 1.5)) for _ in range(2)]
+    tracker = Tracker()
+    for k in range(80):
+        time = 0.1 * k
+        position = np.array([3.0 * time, 0.0])
+        if any(np.hypot(position[0] - x, y) < r + 0.3 for x, y, r in circles):
+            break
+        found = scan_circles(sector_scan(position, 0.0, circles, rng), position, 0.0)
+        tracker.see(found.discs, time, found.covariances)
+        assert all(track.speed_m_s < 1.2 for track in tracker.moving())

@@ -1,0 +1,191 @@
+"""The navigator's own doings: stops, holding, bad scans, known structure, continuity (flights: the closed loop)."""
+
+import itertools
+import math
+
+import numpy as np
+import pytest
+
+from gcs.core.errors import InputError
+from gcs.planning.local.binary_map import BinaryMap
+from gcs.planning.local.curve_parts import joined_curves
+from gcs.planning.local.lidar_scan import LidarScan
+from gcs.planning.local.navigator import LocalNavigator, NavigatorOptions, Stop
+from gcs.planning.trajectories.flight_limits import FlightLimits
+from gcs.planning.trajectories.optimal_times import times_at_limits
+
+LIMITS = FlightLimits(4.0, 2.5, 10.0)
+PLACES = np.array([(0.0, 0.0, 10.0), (12.0, 0.0, 10.0), (24.0, 4.0, 14.0)])
+STEP = math.radians(5.0)
+PERIOD = 0.1
+
+
+def flight():
+    legs = [times_at_limits(np.stack(ends), LIMITS).piecewise_polynomial() for ends in itertools.pairwise(PLACES)]
+    ends = np.cumsum([leg.duration_s for leg in legs])
+    return joined_curves(*legs), [Stop(float(end), 7 + k) for k, end in enumerate(ends)]
+
+
+def run(navigator, begin, end, scan=None):
+    """Decisions on the way; the last motion."""
+    for clock in np.arange(begin, end, PERIOD):
+        if scan is not None:
+            navigator.see(scan, navigator.motion(clock)[0], 0.0, clock)
+        navigator.decide(clock)
+    return navigator.motion(end)
+
+
+def free_scan():
+    return LidarScan(np.full(72, math.inf), 0.0, STEP, 20.0)
+
+
+def test_the_plan_is_flown_stop_by_stop():
+    trajectory, stops = flight()
+    navigator = LocalNavigator(trajectory, stops, LIMITS)
+    half = stops[0].time_s / 2
+    motion = run(navigator, 50.0, 50.0 + half)
+    assert np.allclose(motion, [trajectory.value(half, order) for order in range(3)], atol=1e-9)
+    assert navigator.plan_time_s == pytest.approx(half)
+    motion = run(navigator, 50.0 + half, 80.0)
+    assert navigator.arrived == 7
+    assert np.allclose(motion, [PLACES[1], np.zeros(3), np.zeros(3)], atol=1e-6)
+    navigator.go_on()
+    assert navigator.arrived is None
+    run(navigator, 80.0, 100.0)
+    assert navigator.arrived == 8
+    navigator.go_on()
+    run(navigator, 100.0, 102.0)
+    assert navigator.finished
+    assert navigator.plan_time_s == pytest.approx(trajectory.duration_s)
+
+
+def test_stops_that_are_passed_are_not_waited_for():
+    trajectory, stops = flight()
+    passed = [Stop(stops[0].time_s / 2, 3, dwell=False), stops[0]]
+    navigator = LocalNavigator(trajectory, passed, LIMITS)
+    run(navigator, 0.0, 30.0)
+    assert navigator.arrived == 7
+    navigator.go_on()
+    run(navigator, 30.0, 60.0)
+    assert navigator.finished
+
+
+def test_it_holds_and_goes_on_when_told():
+    trajectory, stops = flight()
+    navigator = LocalNavigator(trajectory, stops, LIMITS)
+    run(navigator, 0.0, 3.0)
+    before = navigator.plan_time_s
+    navigator.hold()
+    motion = run(navigator, 3.0, 10.0)
+    assert navigator.held
+    assert np.abs(motion[1:]).max() < 1e-9
+    assert np.linalg.norm(motion[0] - trajectory.value(3.0)) < 7.0
+    assert navigator.plan_time_s == pytest.approx(before, abs=0.2)
+    navigator.release()
+    run(navigator, 10.0, 40.0)
+    assert navigator.arrived == 7
+
+
+def test_it_joins_the_plan_from_beside_it():
+    trajectory, stops = flight()
+    place = np.array([1.0, 5.0, 10.0])
+    navigator = LocalNavigator(trajectory, stops, LIMITS, place_m=place)
+    assert np.allclose(navigator.motion(5.0), [place, np.zeros(3), np.zeros(3)])
+    run(navigator, 5.0, 40.0)
+    assert navigator.arrived == 7
+
+
+def test_the_motion_is_continuous_whatever_is_decided(sector_scan):
+    trajectory, stops = flight()
+    navigator = LocalNavigator(trajectory, stops, LIMITS)
+    rng = np.random.default_rng(2)
+    worst = np.zeros(3)
+    last = navigator.motion(0.0)
+    for clock in np.arange(0.0, 40.0, PERIOD):
+        mover = (6.0, -12.0 + 1.3 * clock, 0.8)
+        navigator.see(sector_scan(last[0][:2], 0.3, [mover, (9.0, 0.5, 0.4)], rng), last[0], 0.3, clock)
+        before = navigator.motion(clock)
+        navigator.decide(clock)
+        worst = np.maximum(worst, np.abs(navigator.motion(clock) - before).max(axis=1))
+        last = navigator.motion(clock + PERIOD)
+        assert np.linalg.norm(last[1]) <= 4.0 * (1 + 1e-6)
+        assert np.linalg.norm(last[2]) <= 2.5 * (1 + 1e-6)
+    assert (worst < 1e-6).all()
+
+
+def test_detours_keep_out_of_the_known_structure(sector_scan):
+    trajectory, stops = flight()
+    blocked = np.zeros((80, 80), dtype=np.bool_)
+    blocked[:, 44:] = True  # from y = 2 m on, which no lidar sees
+    known = BinaryMap(blocked, np.array([-20.0, -20.0]), 0.5)
+    navigator = LocalNavigator(trajectory, stops[:1], LIMITS, NavigatorOptions(known=known))
+    northmost = -math.inf
+    for clock in np.arange(0.0, 40.0, PERIOD):
+        place = navigator.motion(clock)[0]
+        northmost = max(northmost, place[1])
+        navigator.see(sector_scan(place[:2], 0.0, [(6.5, -0.4, 0.5)]), place, 0.0, clock)
+        navigator.decide(clock)
+        if navigator.arrived is not None:
+            break
+    assert navigator.arrived == 7
+    assert northmost < 2.0
+
+
+@pytest.mark.parametrize(
+    ("make", "field"),
+    [
+        (lambda: LidarScan(np.zeros(72), 0.0, STEP, 20.0), "ranges_m"),
+        (lambda: LidarScan(np.full(72, math.nan), 0.0, STEP, 20.0), "ranges_m"),
+        (lambda: LidarScan(np.full(72, 5.0), 0.0, 2 * STEP, 20.0), "step_rad"),
+        (lambda: LidarScan(np.full(72, 5.0), 0.0, 0.0, 20.0), "step_rad"),
+    ],
+)
+def test_scans_that_cannot_be_are_refused_by_name(make, field):
+    with pytest.raises(InputError) as error:
+        make()
+    assert error.value.field == field
+
+
+def test_a_bad_pose_or_an_old_scan_changes_nothing():
+    trajectory, stops = flight()
+    navigators = [LocalNavigator(trajectory, stops, LIMITS) for _ in range(2)]
+    for navigator in navigators:
+        run(navigator, 0.0, 2.0, free_scan())
+    wall = LidarScan(np.full(72, 3.0), 0.0, STEP, 20.0)
+    for position, heading, clock in (
+        (np.array([math.nan, 0.0, 0.0]), 0.0, 2.0),
+        (np.zeros(2), 0.0, 2.0),
+        (np.zeros(3), math.inf, 2.0),
+        (np.zeros(3), 0.0, math.nan),
+        (np.zeros(3), 0.0, 1.0),
+    ):
+        with pytest.raises(InputError):
+            navigators[1].see(wall, position, heading, clock)
+    one, other = (run(navigator, 2.0, 4.0, free_scan()) for navigator in navigators)
+    assert (one == other).all()
+
+
+def test_something_on_the_vehicle_itself_does_not_stop_it_from_thinking():
+    trajectory, stops = flight()
+    navigator = LocalNavigator(trajectory, stops, LIMITS)
+    ranges = np.full(72, math.inf)
+    ranges[:20] = 0.0
+    motion = run(navigator, 0.0, 20.0, LidarScan(ranges, 0.0, STEP, 20.0))
+    assert np.isfinite(motion).all()
+    assert np.linalg.norm(motion[1]) <= 4.0
+    assert motion[0, 0] < 0.5  # it goes no nearer, but away from what covers its front
+
+
+def test_plans_that_cannot_be_flown_are_refused_by_name():
+    trajectory, stops = flight()
+    for bad, field in (
+        ([Stop(2.0, 5)], "viewpoint 5"),  # it moves there
+        ([stops[1], stops[0]], "viewpoint 7"),
+        ([Stop(1e3, 1)], "viewpoint 1"),
+    ):
+        with pytest.raises(InputError) as error:
+            LocalNavigator(trajectory, bad, LIMITS)
+        assert error.value.field == field
+    with pytest.raises(InputError) as error:
+        LocalNavigator(trajectory, stops, LIMITS, start_s=-1.0)
+    assert error.value.field == "start_s"
