@@ -17,7 +17,9 @@ from gcs.planning.local.rrt import Rrt
 from gcs.planning.local.rrt_star import RrtStar
 from gcs.planning.local.sampling_planner import SamplingOptions, search_path
 from gcs.planning.local.tangent_path import shortest_path
+from gcs.services.benchmarks import companion_latency, local_cooperative, local_reports
 from gcs.services.benchmarks.local_fields import Field, collides, exact_length, random_field
+from gcs.services.benchmarks.local_flights import flight_rows
 from gcs.services.benchmarks.local_references import REFERENCES, seconds_until
 from gcs.services.benchmarks.row import Row
 
@@ -61,7 +63,14 @@ def run(quick: bool) -> list[Row]:
     Args:
         quick: few runs and fields.
     """
-    return [*_paper_query(2 if quick else RUNS), *_random_fields(20 if quick else 1000)]
+    return [
+        *_paper_query(2 if quick else RUNS),
+        *_random_fields(20 if quick else 1000),
+        *local_cooperative.run(quick),
+        *local_reports.run(quick),
+        *companion_latency.run(quick),
+        *flight_rows(quick),
+    ]
 
 
 def paper_map() -> BinaryMap:

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 BENCHMARKS = {
     "coverage": "viewpoints for a surface: coverage, views over their lower bound, seconds (--mesh FILE: of your own)",
-    "local": "ways round obstacles: milliseconds, length above the optimum, collisions; the yard paper's planners",
+    "local": "ways round obstacles: milliseconds, length; the yard paper's planners; flights: collisions",
     "mavlink": "transfers under faults, gateway, setpoint stream, images: false answers, seconds, losses, rates",
     "papers": "the papers' experiments: deviation, length, duration and tracking of every variant of the curve; tours",
     "paths": "grid search and string pulling: milliseconds, and length above a closed form",

@@ -1,0 +1,174 @@
+"""One flight by lease: vehicle, obstacles and bad links are a world on fake time, companion and station are here."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from gcs.core.frames import geodetic_from_enu
+from gcs.core.replanning import ReplanReport
+from gcs.core.vehicle import Autopilot
+from gcs.mavlink.companion_lease import COMPANION
+from gcs.mavlink.framing import FramePacker, FrameParser
+from gcs.mavlink.report_outbox import ReportOutbox
+from gcs.services.benchmarks.flight_station import STATION, FlightStation
+from gcs.services.benchmarks.lockstep_worlds import Order
+from gcs.services.benchmarks.random_obstacles import random_obstacles
+from gcs.services.benchmarks.wall_plan import ANCHOR, HOME_M, WallPlans, wall_plan
+from gcs.services.companion.core import CompanionCore
+
+if TYPE_CHECKING:
+    from gcs.mavlink.dialect import Message
+
+SYSTEM_ID = 1
+LOSS = 0.05
+PHOTOGRAPHED_M = 1.0
+"""A picture taken within this of a viewpoint is one of it."""
+
+
+@dataclass(frozen=True)
+class FlightOutcome:
+    """What became of a flight.
+
+    Attributes:
+        seed: that it was drawn from.
+        autopilot: of the vehicle.
+        least_m: least distance between its hull and an obstacle.
+        touched: obstacles that it touched.
+        viewpoints: of the plan.
+        photographed: viewpoints of which there is a picture, in truth.
+        skipped: other viewpoints whose skipping was reported.
+        reports_made: by the companion.
+        reports_once: of these, came to the station exactly once and as they were.
+        by_hand: why it had to be ended by hand; None when it ended by itself.
+        flown_s: until the landing.
+    """
+
+    seed: int
+    autopilot: str
+    least_m: float
+    touched: tuple[str, ...]
+    viewpoints: int
+    photographed: int
+    skipped: int
+    reports_made: int
+    reports_once: int
+    by_hand: str | None
+    flown_s: float
+
+    @property
+    def unaccounted(self) -> int:
+        """Viewpoints that were neither photographed nor reported as skipped."""
+        return self.viewpoints - self.photographed - self.skipped
+
+
+class _ReportMemory:
+    """A `gcs.mavlink.report_outbox.ReportStore` that does not outlive the companion.
+
+    Attributes:
+        added: all that were ever kept.
+    """
+
+    def __init__(self) -> None:
+        self.added: list[ReplanReport] = []
+
+    def load(self) -> list[ReplanReport]:
+        return []
+
+    def keep(self, report: ReplanReport) -> None:
+        self.added.append(report)
+
+    def remove(self, report: ReplanReport) -> None:
+        """What was added stays so."""
+
+    def set_aside(self, report: ReplanReport) -> None:
+        """Likewise."""
+
+
+class _End:
+    """One end of a link of the world, and what is to be sent from there."""
+
+    def __init__(self, source: tuple[int, int]) -> None:
+        self._packer = FramePacker(*source)
+        self._outbox: list[str] = []
+
+    def send(self, message: Message) -> None:
+        self._outbox.append(self._packer.pack(message).hex())
+
+    def take(self) -> list[str]:
+        sent, self._outbox = self._outbox, []
+        return sent
+
+
+async def fly_once(seed: int) -> FlightOutcome:
+    """Fly once; the seed draws everything, and its parity the autopilot. Awaits `Order`s, see `lockstep_worlds`."""
+    rng = np.random.default_rng([seed, 7])
+    autopilot = Autopilot.PX4 if seed % 2 == 0 else Autopilot.ARDUPILOT
+    made, flyable = wall_plan(), WallPlans().get(wall_plan().plan_hash, 1.0)
+    assert flyable is not None  # it is made at once
+    way_m = flyable.curve.value(np.arange(flyable.leave_s, flyable.enter_s, 0.2))
+    take_off_m = flyable.curve.value(flyable.leave_s)
+    spec = {
+        "autopilot": autopilot.value,
+        "seed": seed,
+        "anchor": ANCHOR,
+        "home": [float(c) for c in geodetic_from_enu(HOME_M, made.plan.scenario.anchor.point)],
+        "obstacles": random_obstacles(rng, way_m, np.asarray(HOME_M)),
+        "loss": LOSS,
+    }
+    await Order("open-flight", seed, spec)
+    now_s = 0.0
+
+    def clock() -> float:
+        return now_s
+
+    air, cable = _End(STATION), _End((SYSTEM_ID, COMPANION))
+    memory = _ReportMemory()
+    outbox = ReportOutbox(memory, cable.send, clock, boot_id=seed)
+    core = CompanionCore(system_id=SYSTEM_ID, send=cable.send, clock=clock, plans=WallPlans(), outbox=outbox)
+    altitude = float(geodetic_from_enu(take_off_m, made.plan.scenario.anchor.point)[2])
+    station = FlightStation(autopilot, altitude, made.plan_hash, air.send, clock)
+    ends: dict[str, tuple[_End, FlightStation | CompanionCore]] = {
+        "station": (air, station),
+        "companion": (cable, core),
+    }
+    while not station.over:
+        until_s = min(station.deadline, core.deadline)
+        sent = {name: end.take() for name, (end, _) in ends.items()}
+        now_s, heard = await Order("fly", seed, until_s, sent)
+        for name, (_, machine) in ends.items():
+            for packet in heard[name]:
+                for message in FrameParser().feed_datagram(bytes.fromhex(packet)):
+                    machine.handle(message)
+            if now_s >= machine.deadline:
+                machine.on_time()
+    truth = await Order("truth", seed, None)
+    return _outcome(seed, autopilot, truth, station, memory.added)
+
+
+def _outcome(
+    seed: int, autopilot: Autopilot, truth: dict[str, Any], station: FlightStation, made: list[ReplanReport]
+) -> FlightOutcome:
+    viewpoints = wall_plan().plan.viewpoints
+    shots = np.array([shot["position_m"] for shot in truth["shots"]]).reshape(-1, 3)
+    photographed = {v.id for v in viewpoints if (np.linalg.norm(shots - v.position_m, axis=1) <= PHOTOGRAPHED_M).any()}
+    skipped = {change.viewpoint for report in station.reports for change in report.viewpoints} - photographed
+    came = Counter((report.number, report.plan_hash_after) for report in station.reports)
+    least_m = truth["obstacles"]["least_distance_m"]
+    return FlightOutcome(
+        seed=seed,
+        autopilot=autopilot.value,
+        least_m=math.inf if least_m is None else least_m,
+        touched=tuple(truth["obstacles"]["touched"]),
+        viewpoints=len(viewpoints),
+        photographed=len(photographed),
+        skipped=len(skipped),
+        reports_made=len(made),
+        reports_once=sum(came[report.number, report.plan_hash_after] == 1 for report in made),
+        by_hand=station.by_hand,
+        flown_s=truth["time_s"],
+    )

@@ -1,0 +1,190 @@
+"""Case `latency`: from a lidar message to the setpoint that follows from it, on a busy machine.
+
+A simulated vehicle is led by a companion, in processes of their own. This process is the station that follows the
+flight, and passes the companion's link on: so it knows when each scan went off to the companion. Beside it one more
+process makes a plan over and over. The companion's process says when what follows from a scan was sent.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import signal
+import subprocess
+import sys
+import time
+from contextlib import ExitStack, suppress
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from gcs.core.frames import GeoPoint, geodetic_from_enu
+from gcs.core.progress import SilentProgress
+from gcs.mavlink.framing import FrameParser
+from gcs.services.benchmarks.mavlink_offboard import beside
+from gcs.services.benchmarks.row import Row
+from gcs.services.benchmarks.wall_plan import ANCHOR, WALL_M, wall_plan
+from gcs.services.companion.core import CompanionOptions
+from gcs.services.companion.process import run_companion
+from gcs.services.plan_writing import write_certified
+from gcs.services.simulation import Simulator, SimulatorOptions
+from gcs.services.station import StationServices
+from gcs.storage.records import FlightPath, FlightState
+from gcs.storage.solid_shapes import box, structure_of_solids
+
+if TYPE_CHECKING:
+    from gcs.mavlink.received_message import ReceivedMessage
+
+SCAN = "OBSTACLE_DISTANCE"
+ASKED_MS = 50.0
+LEADS_WITHIN_S = 120.0
+
+
+def run(quick: bool) -> list[Row]:
+    """Measure.
+
+    Args:
+        quick: three seconds instead of thirty, and no other work on the machine.
+    """
+    with TemporaryDirectory(prefix="gcs-latency-") as scratch:
+        delays_ms = asyncio.run(_measure(Path(scratch), 3.0 if quick else 30.0, [] if quick else ["plan"]))
+    return [
+        Row("latency", f"p{share}_ms", float(np.percentile(delays_ms, share)), "ms", "asked", asked)
+        for share, asked in ((50, None), (99, ASKED_MS))
+    ]
+
+
+class _PassedOn(asyncio.DatagramProtocol):
+    """The companion's link, with the times at which scans went through it."""
+
+    def __init__(self) -> None:
+        self.scans: dict[int, float] = {}
+        self._parser = FrameParser()
+        self._vehicle: Any = None
+        self._companion: Any = None
+        self._transport: Any = None
+
+    def connection_made(self, transport: asyncio.BaseTransport) -> None:
+        """The socket is open."""
+        self._transport = transport
+
+    @property
+    def port(self) -> int:
+        """Of the socket."""
+        return int(self._transport.get_extra_info("sockname")[1])
+
+    def datagram_received(self, data: bytes, addr: Any) -> None:
+        """Pass on: the companion speaks first, with its greeting; all else is the vehicle's."""
+        if self._companion is None and _is_companions(data):
+            self._companion = addr
+        if addr == self._companion:
+            if self._vehicle is not None:
+                self._transport.sendto(data, self._vehicle)
+            return
+        self._vehicle = addr
+        for message in self._parser.feed(data):
+            if message.get_type() == SCAN:
+                self.scans[int(message.time_usec)] = time.monotonic()
+        if self._companion is not None:
+            self._transport.sendto(data, self._companion)
+
+
+def _is_companions(data: bytes) -> bool:
+    return any(message.get_srcComponent() == 191 for message in FrameParser().feed(data))
+
+
+async def _measure(scratch: Path, seconds: float, others: list[str]) -> list[float]:
+    """Delays (ms) of the scans of a while."""
+    made = wall_plan()
+    folder = scratch / "plan"
+    write_certified(made.plan, structure_of_solids([box(*WALL_M)]), folder, SilentProgress())
+    home = GeoPoint(*(float(c) for c in geodetic_from_enu(made.plan.scenario.home_m, GeoPoint(*ANCHOR))))
+    transport, passed_on = await asyncio.get_running_loop().create_datagram_endpoint(
+        _PassedOn, local_addr=("127.0.0.1", 0)
+    )
+    services = StationServices(scratch / "station", stored_links=False)
+    with ExitStack() as running:
+        running.callback(transport.close)
+        async with services.running(_nothing):
+            url = await services.vehicles.station.open("udpin:127.0.0.1:0")
+            extra = ("--companion", str(passed_on.port), "--tcp-base", "none")
+            port, anchor = int(url.rsplit(":", 1)[1]), GeoPoint(*ANCHOR)
+            running.enter_context(Simulator(SimulatorOptions(port=port, home=home, anchor=anchor, extra=extra)))
+            companion = running.enter_context(_process(passed_on.port, folder, scratch))
+            running.callback(companion.terminate)
+            await _lead(services, folder)
+            for what in others:
+                running.enter_context(beside(what))
+            begin_s = time.monotonic()
+            await asyncio.sleep(seconds)
+            end_s = time.monotonic()
+            companion.terminate()
+            told, _ = await asyncio.to_thread(companion.communicate)
+    sent = {int(stamp): at_s for stamp, at_s in json.loads(told.splitlines()[-1]).items()}
+    within = {stamp: at_s for stamp, at_s in passed_on.scans.items() if begin_s <= at_s < end_s and stamp in sent}
+    return [1e3 * (sent[stamp] - at_s) for stamp, at_s in within.items()]
+
+
+def _process(port: int, plan: Path, keep: Path) -> subprocess.Popen[str]:
+    line = [sys.executable, "-m", __name__, f"udpout:127.0.0.1:{port}", str(plan), str(keep)]
+    return subprocess.Popen(line, stdout=subprocess.PIPE, text=True)
+
+
+def _nothing(told: object) -> str:
+    """Nobody reads along."""
+    del told
+    return ""
+
+
+def _unread(line: str) -> None:
+    """Nobody reads this either."""
+
+
+async def _lead(services: StationServices, plan: Path) -> None:
+    """Start the flight, and wait until the companion leads."""
+    vehicle = await services.vehicles.station.wait_for_vehicle(30.0)
+    await vehicle.request_position_references(60.0)
+    plan_id = services.plans.adopt(plan).plan.id
+    flight = await services.flights.create(plan_id, vehicle.identity.name, FlightPath.COMPANION)
+    await services.flights.start(flight.id, confirm=vehicle.identity.name, accept=())
+    async with asyncio.timeout(LEADS_WITHIN_S):
+        while services.database.flights.get(flight.id).state is not FlightState.FLYING:  # noqa: ASYNC110
+            await asyncio.sleep(0.1)
+
+
+def _companion(url: str, plan: Path, keep: Path) -> None:
+    """Run one, and print in the end when what follows from each scan was sent."""
+    sent: dict[int, float] = {}
+
+    def taken(message: ReceivedMessage) -> None:
+        if message.get_type() == SCAN:
+            sent[int(message.time_usec)] = time.monotonic()
+
+    async def until_terminated() -> None:
+        ended = asyncio.Event()
+        asyncio.get_running_loop().add_signal_handler(signal.SIGTERM, ended.set)
+        running = asyncio.create_task(
+            run_companion(
+                url,
+                station=None,
+                token_file=None,
+                keep=keep / "kept",
+                plans=(plan,),
+                options=CompanionOptions(),
+                say=_unread,
+                on_taken=taken,
+            )
+        )
+        await asyncio.wait({running, asyncio.create_task(ended.wait())}, return_when=asyncio.FIRST_COMPLETED)
+        running.cancel()
+        with suppress(asyncio.CancelledError):
+            await running
+
+    asyncio.run(until_terminated())
+    print(json.dumps(sent))
+
+
+if __name__ == "__main__":
+    _companion(sys.argv[1], Path(sys.argv[2]), Path(sys.argv[3]))

@@ -1,0 +1,122 @@
+"""Obstacles about a plan, drawn at random, that a vehicle can avoid with a 2D lidar.
+
+What stands or moves in the way reaches above and below every height at which the plan is flown, or it stays well below:
+nobody avoids what the lidar cannot see. Nothing comes near home, where the autopilot takes off and lands by itself,
+and what moves passes whatever stands by a gap that is wide enough to stay in. Otherwise it does not care for the
+vehicle: it crosses its way, stops on it, or comes up to where it hovers.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    Spec = dict[str, Any]
+    """As the simulator's file of obstacles has them."""
+
+FROM_HOME_M = 7.0
+GAP_M = 2.0
+LARGEST_Y_M = 9.0
+"""Further north there is the wall."""
+ASIDE_M = 3.0
+ARRIVES_S = (12.0, 60.0)
+APPROACH_M = (12.0, 25.0)
+STOPS_SHARE = 0.3
+TRIES = 100
+
+
+@dataclass(frozen=True)
+class Kind:
+    """Radius, lower end, height, and speed: from, to."""
+
+    name: str
+    radius_m: tuple[float, float]
+    base_m: float
+    height_m: float
+    speed_m_s: tuple[float, float]
+
+
+PARKED = Kind("vehicle", (0.4, 1.2), 0.0, 8.0, (1.0, 1.0))
+LOW = Kind("vehicle", (0.8, 2.0), 0.0, 1.5, (1.0, 1.0))
+DRIVING = Kind("vehicle", (1.0, 2.0), 0.0, 8.0, (1.5, 3.0))
+WALKING = Kind("person", (0.3, 0.4), 2.2, 2.6, (0.7, 1.5))
+"""On a walkway or a lift: on the ground the vehicle would fly over them."""
+FLYING = Kind("drone", (0.4, 0.7), 2.6, 2.2, (2.0, 4.0))
+
+
+def random_obstacles(rng: np.random.Generator, way_m: NDArray[np.float64], home_m: NDArray[np.float64]) -> list[Spec]:
+    """Draw obstacles, at least one of them in the way.
+
+    Args:
+        rng: for everything.
+        way_m: places along the plan, shape (N, 3), scene ENU.
+        home_m: shape (3,).
+    """
+    drawn: list[Spec] = []
+    most = {PARKED: 2, LOW: 1, FLYING: 1, DRIVING: 2, WALKING: 2}
+    counts = {kind: int(rng.integers(0, number + 1)) for kind, number in most.items()}
+    if not counts[PARKED] + counts[DRIVING]:
+        counts[PARKED] = 1
+    for kind, count in counts.items():
+        moves = kind in (DRIVING, WALKING, FLYING)
+        for _ in range(count):
+            for _ in range(TRIES):
+                spec = _moving(rng, kind, way_m) if moves else _standing(rng, kind, way_m)
+                if _is_fair(spec, drawn, home_m):
+                    drawn.append(spec)
+                    break
+    return drawn
+
+
+def _standing(rng: np.random.Generator, kind: Kind, way_m: NDArray[np.float64]) -> Spec:
+    place = rng.choice(way_m)[:2] + rng.uniform(-ASIDE_M, ASIDE_M, 2)
+    return _spec(rng, kind, [place])
+
+
+def _moving(rng: np.random.Generator, kind: Kind, way_m: NDArray[np.float64]) -> Spec:
+    target, course = rng.choice(way_m)[:2], rng.uniform(0.0, 2.0 * math.pi)
+    along = np.array([math.cos(course), math.sin(course)])
+    before, after = rng.uniform(*APPROACH_M), rng.uniform(*APPROACH_M)
+    path = [target - before * along, target if rng.random() < STOPS_SHARE else target + after * along]
+    spec = _spec(rng, kind, path)
+    start_s = rng.uniform(*ARRIVES_S) - before / spec["speed_m_s"]
+    return {**spec, "start_s": float(max(start_s, 0.0))}
+
+
+def _spec(rng: np.random.Generator, kind: Kind, path: list[NDArray[np.float64]]) -> Spec:
+    return {
+        "kind": kind.name,
+        "path_m": [[float(x), float(y)] for x, y in path],
+        "radius_m": float(rng.uniform(*kind.radius_m)),
+        "base_m": kind.base_m,
+        "height_m": kind.height_m,
+        "speed_m_s": float(rng.uniform(*kind.speed_m_s)),
+    }
+
+
+def _is_fair(spec: Spec, others: list[Spec], home_m: NDArray[np.float64]) -> bool:
+    path, radius = _places(spec), spec["radius_m"]
+    if path[:, 1].max() + radius > LARGEST_Y_M:
+        return False
+    if _least(path, np.asarray(home_m)[None, :2]) < FROM_HOME_M + radius:
+        return False
+    return all(
+        _least(path, _places(other)) > radius + other["radius_m"] + GAP_M
+        for other in others
+        if len(other["path_m"]) == 1
+    )
+
+
+def _places(spec: Spec) -> NDArray[np.float64]:
+    path = np.asarray(spec["path_m"])
+    return np.asarray(path[0] + np.linspace(0.0, 1.0, 100)[:, None] * (path[-1] - path[0]))
+
+
+def _least(a: NDArray[np.float64], b: NDArray[np.float64]) -> float:
+    return float(np.linalg.norm(a[:, None] - b[None], axis=2).min())

@@ -1,0 +1,474 @@
+"""The companion as one synchronous state machine: told of messages and of time, it sends through what it was given.
+
+It owns the vehicle's setpoints only by a lease that a station ordered, and only while the vehicle does what the
+companion commanded; any other change of mode ends the lease at once, and nothing but a new order begins another. It
+never leaves return, landing or a pilot's mode. The station is needed for orders alone: a flight goes on without it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Protocol
+
+import numpy as np
+
+from gcs.core.errors import GcsError, InputError
+from gcs.core.frames import rigid_between
+from gcs.core.replanning import ReplanReason
+from gcs.mavlink.companion_lease import (
+    COMPANION,
+    NO_HASH,
+    LeaseOrder,
+    LeaseState,
+    LeaseStatus,
+    OrderKind,
+    lease_order,
+    lease_status_message,
+)
+from gcs.mavlink.dialect import mavlink
+from gcs.mavlink.heartbeats import autopilot_of, is_vehicle
+from gcs.mavlink.status_text import status_text_messages
+from gcs.mavlink.stepped_channel import SteppedTask
+from gcs.services.companion.departure_report import departure_report
+from gcs.services.companion.led_flight import LedFlight, Progress
+from gcs.services.companion.own_vehicle import OwnVehicle
+from gcs.services.companion.senses import SENSOR_MESSAGES, Senses
+
+if TYPE_CHECKING:
+    from gcs.core.replanning import ReplanReport
+    from gcs.mavlink.dialect import Message
+    from gcs.mavlink.transaction import Clock, Send
+    from gcs.planning.local.local_replan import LocalReplan
+    from gcs.services.companion.flyable_plan import FlyablePlan
+
+HEARTBEAT_S = 1.0
+STATUS_S = 0.5
+WATCH_S = 0.1
+NEAR_START_M = 3.0
+"""A lease begins only when the vehicle hovers within this of the place where the plan goes on."""
+
+ORDER_STANDS_S = 5.0
+"""An order that cannot be followed yet stands for so long after it was last heard."""
+
+OBJECTION_S = 4.0
+"""What speaks against an order may go away within this (a value not heard yet); then the order is refused."""
+
+WARNING = 4
+AUTOPILOT_SILENT_S = 3.0
+POSITION_SILENT_S = 0.7
+
+
+class PlanSource(Protocol):
+    """Where plans come from."""
+
+    def get(self, plan_hash: str, offboard_timeout_s: float) -> FlyablePlan | None:
+        """A plan by its hash, ready to be flown; None while it is being got.
+
+        Args:
+            plan_hash: SHA-256 of its plan.json, 64 hex digits.
+            offboard_timeout_s: for how long the vehicle flies on when setpoints stop.
+
+        Raises:
+            GcsError: it cannot be had, and why.
+        """
+        ...
+
+
+class Outbox(Protocol):
+    """Delivers reports, however long that takes (`gcs.mavlink.report_outbox`)."""
+
+    @property
+    def boot_id(self) -> int:
+        """Of this start of the companion."""
+        ...
+
+    @property
+    def pending(self) -> int:
+        """Reports that are not acknowledged."""
+        ...
+
+    @property
+    def deadline(self) -> float:
+        """Clock time at which `on_time` wants to be called next."""
+        ...
+
+    def add(self, report: ReplanReport) -> None:
+        """Take a report to be delivered."""
+        ...
+
+    def handle(self, message: Message) -> None:
+        """Take a message; acknowledgements are of interest."""
+        ...
+
+    def on_time(self) -> None:
+        """Send what is due."""
+        ...
+
+
+@dataclass(frozen=True)
+class CompanionOptions:
+    """How a companion is set up.
+
+    Attributes:
+        stream_hz: setpoints per second of the vehicle's clock, 20 to 50.
+        needs_lidar: whether it flies only with fresh scans.
+        slab_half_m: the lidar tells of heights within this of the vehicle's; None for a lidar that sees all about.
+        lidar_silent_s: without a good scan for so long (vehicle's clock) the vehicle slows to a hover.
+        give_up_s: it hovers for so long for want of scans, position or odometry; then the lease ends in a hold.
+    """
+
+    stream_hz: float = 50.0
+    needs_lidar: bool = True
+    slab_half_m: float | None = 0.5
+    lidar_silent_s: float = 0.6
+    give_up_s: float = 10.0
+
+
+class CompanionCore:
+    """See the module.
+
+    Args:
+        system_id: of the vehicle.
+        send: puts a message on the link to the autopilot, which passes on what is for the station.
+        clock: monotonic seconds.
+        plans: where plans come from.
+        outbox: delivers reports.
+        options: how it is set up.
+    """
+
+    def __init__(
+        self,
+        *,
+        system_id: int,
+        send: Send,
+        clock: Clock,
+        plans: PlanSource,
+        outbox: Outbox,
+        options: CompanionOptions | None = None,
+    ) -> None:
+        self._options = options or CompanionOptions()
+        self._system_id = system_id
+        self._send = send
+        self._clock = clock
+        self._plans = plans
+        self._outbox = outbox
+        self._senses = Senses(self._options.slab_half_m or float("inf"), self._say)
+        self._vehicle: OwnVehicle | None = None
+        self._introduction: SteppedTask | None = None
+        self._flight: LedFlight | None = None
+        self._flyable: FlyablePlan | None = None
+        self._progress: dict[str, Progress] = {}
+        self._order: LeaseOrder | None = None
+        self._heard_order_at = float("-inf")
+        self._objects_since: float | None = None
+        self._past_leases: set[int] = set()
+        self._state = LeaseState.IDLE
+        self._text = ""
+        self._paused = False
+        self._said: dict[str, float] = {}
+        self._texts = 0
+        self._beat_at = self._tell_at = self._watch_at = clock()
+
+    # ---- what it is told ----
+
+    @property
+    def deadline(self) -> float:
+        """Clock time at which `on_time` wants to be called next."""
+        due = [self._beat_at, self._tell_at, self._watch_at, self._outbox.deadline]
+        if self._introduction is not None:
+            due.append(self._introduction.deadline)
+        if self._flight is not None and not self._flight.over:
+            due.append(self._flight.deadline)
+        return min(due)
+
+    def handle(self, message: Message) -> None:
+        """Take a message from the link, of whomever."""
+        if message.get_type() == "TUNNEL":
+            self._take_tunnel(message)
+        elif message.get_srcSystem() == self._system_id and message.get_srcComponent() != COMPANION:
+            self._take_own(message)
+
+    def on_time(self) -> None:
+        """Called when `deadline` has passed, or earlier."""
+        now = self._clock()
+        flight = self._flight
+        if flight is not None and not flight.over and flight.deadline <= now:
+            flight.on_time()
+        if self._introduction is not None and self._introduction.deadline <= now:
+            self._introduction.on_time()
+        if self._outbox.deadline <= now:
+            self._outbox.on_time()
+        if now >= self._watch_at:
+            self._watch_at = now + WATCH_S
+            self._watch()
+        self._notice_end()
+        if now >= self._beat_at:
+            self._beat_at = now + HEARTBEAT_S
+            self._send(heartbeat(leading=self._leading))
+        if now >= self._tell_at:
+            self._tell()
+
+    @property
+    def status(self) -> LeaseStatus:
+        """What is told of the lease."""
+        now = None if self._vehicle is None else self._vehicle.now_s()
+        quality = self._senses.odometry.quality
+        away = self._flight is not None and not self._flight.over and self._flight.away
+        return LeaseStatus(
+            lease=0 if self._order is None else self._order.lease,
+            state=self._state,
+            away=ReplanReason.STANDING_OBSTACLE if away else 0,
+            plan_hash=NO_HASH if self._order is None else self._order.plan_hash,
+            plan_time_s=0.0 if self._flight is None else self._flight.plan_time_s,
+            vehicle_s=now or 0.0,
+            reports_pending=self._outbox.pending,
+            lidar_age_s=None if now is None else self._senses.lidar_age_s(now),
+            odometry_quality=-1 if quality is None else quality,
+            text=self._text,
+        )
+
+    # ---- the vehicle ----
+
+    @property
+    def _leading(self) -> bool:
+        return self._flight is not None and not self._flight.over
+
+    def _take_own(self, message: Message) -> None:
+        kind = message.get_type()
+        if self._vehicle is None:
+            if kind == "HEARTBEAT" and is_vehicle(message):
+                self._meet(message)
+            return
+        change = self._vehicle.handle(message)
+        if change is not None and self._flight is not None:
+            self._flight.mode_changed(change)
+        if kind in SENSOR_MESSAGES:
+            self._take_sensor(message, self._vehicle)
+        if self._introduction is not None:
+            self._introduction.handle(message)
+        if self._flight is not None and not self._flight.over:
+            self._flight.handle(message)
+        self._notice_end()
+
+    def _meet(self, heartbeat: Message) -> None:
+        target = (self._system_id, heartbeat.get_srcComponent())
+        sender = (self._system_id, COMPANION)
+        self._vehicle = OwnVehicle(autopilot_of(heartbeat), target, sender, self._send, self._clock)
+        self._vehicle.handle(heartbeat)
+        self._introduction = SteppedTask(self._vehicle.introduce())
+
+    def _take_sensor(self, message: Message, vehicle: OwnVehicle) -> None:
+        measured = self._senses.take(message, vehicle)
+        if measured is None or self._flight is None or self._flight.over:
+            return
+        try:
+            self._flight.see(*measured)
+        except InputError as error:
+            self._senses.refuse(error)
+
+    # ---- orders ----
+
+    def _take_tunnel(self, message: Message) -> None:
+        self._outbox.handle(message)
+        order = lease_order(message)
+        if order is None:
+            return
+        if order.kind is OrderKind.FLY:
+            self._take_fly(order)
+        elif self._order is not None and order.lease == self._order.lease and self._flight is not None:
+            self._take_change(order.kind, self._flight)
+        self._tell()
+
+    def _take_fly(self, order: LeaseOrder) -> None:
+        if self._order is not None and order.lease == self._order.lease:
+            self._heard_order_at = self._clock()
+        elif order.lease in self._past_leases:
+            self._answer(order, LeaseState.REFUSED, "this lease is over")
+        elif self._leading:
+            self._answer(order, LeaseState.REFUSED, "another lease leads the vehicle")
+        else:
+            self._past_leases.add(order.lease)
+            self._order, self._heard_order_at, self._objects_since = order, self._clock(), None
+            self._flight, self._paused = None, False
+            self._enter(LeaseState.IDLE, "prepares")
+            self._begin()
+
+    def _take_change(self, kind: OrderKind, flight: LedFlight) -> None:
+        if flight.over:
+            return
+        if kind is OrderKind.PAUSE:
+            flight.hold("order")
+            self._enter(LeaseState.PAUSED, "paused by order")
+        elif kind is OrderKind.RESUME:
+            flight.release("order")
+            self._enter(LeaseState.LEADING, "goes on by order")
+        else:
+            flight.leave("ended by order")
+
+    def _begin(self) -> None:
+        """Follow the order to fly, as soon as nothing speaks against it."""
+        order, vehicle = self._order, self._vehicle
+        if order is None or self._state is not LeaseState.IDLE:
+            return
+        now = self._clock()
+        if now - self._heard_order_at > ORDER_STANDS_S:
+            self._enter(LeaseState.REFUSED, "the order was not heard again")
+            return
+        try:
+            objection = self._objection(order, vehicle)
+        except GcsError as error:
+            self._enter(LeaseState.REFUSED, error.message)
+            return
+        if objection is None:
+            self._lead(order)
+        elif objection == "":
+            self._objects_since = None
+        else:
+            self._objects_since = self._objects_since or now
+            self._text = objection
+            if now - self._objects_since > OBJECTION_S:
+                self._enter(LeaseState.REFUSED, objection)
+
+    def _objection(self, order: LeaseOrder, vehicle: OwnVehicle | None) -> str | None:
+        """What speaks against an order to fly; empty while the plan is being got, None when nothing does.
+
+        Raises:
+            GcsError: the plan cannot be had.
+        """
+        if vehicle is None:
+            return "the autopilot is not heard"
+        now = vehicle.now_s()
+        if now is None or vehicle.offboard_timeout_s is None:
+            self._text = "gets to know the autopilot"
+            return ""
+        self._flyable = self._plans.get(order.plan_hash, vehicle.offboard_timeout_s)
+        if self._flyable is None:
+            self._text = "gets the plan"
+            return ""
+        lidar_s = self._senses.lidar_age_s(now)
+        if not vehicle.in_air:
+            return "the vehicle does not fly"
+        if not vehicle.may_be_led:
+            name = vehicle.telemetry.mode_name
+            return f"the vehicle is in {'no mode' if name is None else name.value}, not held"
+        if self._options.needs_lidar and (lidar_s is None or lidar_s > self._options.lidar_silent_s):
+            return "the lidar is silent"
+        odometry = self._senses.odometry.problem(now)
+        if odometry is not None:
+            return odometry
+        return self._away_from_start(self._flyable, vehicle, now)
+
+    def _away_from_start(self, flyable: FlyablePlan, vehicle: OwnVehicle, now_s: float) -> str | None:
+        place, origin = vehicle.poses.position(now_s), vehicle.telemetry.origin
+        if place is None or origin is None or vehicle.poses.attitude(now_s) is None:
+            return "the vehicle does not tell where it is"
+        so_far = self._progress_on(flyable).curve_s
+        start = flyable.curve.value(flyable.leave_s if so_far is None else so_far)
+        rotation, shift = rigid_between(flyable.plan.scenario.anchor.point, origin.value)
+        off_m = float(np.linalg.norm(place - (rotation @ start + shift)))
+        return None if off_m <= NEAR_START_M else f"{off_m:.0f} m away from where the plan goes on"
+
+    def _progress_on(self, flyable: FlyablePlan) -> Progress:
+        return self._progress.setdefault(flyable.plan_hash, Progress())
+
+    def _lead(self, order: LeaseOrder) -> None:
+        assert self._vehicle is not None and self._flyable is not None  # nothing speaks against it
+        self._vehicle.guard.take_back()  # by the order, which an operator gave
+        self._flight = LedFlight(
+            self._flyable,
+            self._vehicle,
+            self._progress_on(self._flyable),
+            self._departed,
+            self._say,
+            stream_hz=self._options.stream_hz,
+            slab_half_m=self._options.slab_half_m,
+        )
+        self._enter(LeaseState.LEADING, f"leads, lease {order.lease:08x}")
+        self._flight.start()
+        self._notice_end()
+
+    def _departed(self, replan: LocalReplan) -> None:
+        assert self._flyable is not None  # a flight of it reports
+        report = departure_report(replan, self._flyable.plan, self._flyable.plan_hash, self._outbox.boot_id)
+        try:
+            self._outbox.add(report)
+        except InputError as error:  # one that does not fit on the wire must not end the flight
+            self._say(f"a report is lost: {error.message}")
+        self._tell_at = self._clock()
+
+    # ---- what it watches ----
+
+    def _watch(self) -> None:
+        vehicle = self._vehicle
+        if vehicle is None:
+            return
+        vehicle.on_time()
+        if self._introduction is not None and self._introduction.finished:
+            self._introduction = None
+        self._begin()
+        now, flight = vehicle.now_s(), self._flight
+        if flight is None or flight.over or now is None:
+            return
+        if not vehicle.is_fresh("armed", AUTOPILOT_SILENT_S):
+            flight.stop("the autopilot is not heard")
+            return
+        lidar_s, newest = self._senses.lidar_age_s(now), vehicle.poses.newest
+        blind = self._options.needs_lidar and (lidar_s is None or lidar_s > self._options.lidar_silent_s)
+        lost = newest is None or now - newest.at_s > POSITION_SILENT_S
+        problems = {
+            "lidar": "the lidar is silent" if blind else None,
+            "position": "the position is old" if lost else None,
+            "odometry": self._senses.odometry.problem(now),
+        }
+        for what, problem in problems.items():
+            if problem is None:
+                flight.release(what)
+                continue
+            if what not in flight.hold_reasons:
+                self._say(f"{problem}: slows to a hover")
+            flight.hold(what)
+            if flight.held_for_s(what) > self._options.give_up_s:
+                flight.leave(f"{problem}, for {self._options.give_up_s:.0f} s")
+
+    def _notice_end(self) -> None:
+        flight = self._flight
+        if flight is None or self._state not in (LeaseState.LEADING, LeaseState.PAUSED):
+            return
+        if flight.finished:
+            if self._order is not None:
+                self._progress.pop(self._order.plan_hash, None)
+            self._enter(LeaseState.FINISHED, "the plan is flown; the vehicle lands")
+        elif flight.ended is not None:
+            self._enter(LeaseState.ENDED, flight.ended)
+            self._say(f"lease ended: {flight.ended}")
+
+    # ---- what it tells ----
+
+    def _enter(self, state: LeaseState, text: str) -> None:
+        self._state, self._text = state, text
+        self._tell()
+
+    def _answer(self, order: LeaseOrder, state: LeaseState, text: str) -> None:
+        """Tell the state of a lease that is not, or no longer, the one that counts."""
+        self._send(lease_status_message(LeaseStatus(order.lease, state, plan_hash=order.plan_hash, text=text)))
+
+    def _tell(self) -> None:
+        self._tell_at = self._clock() + STATUS_S
+        self._send(lease_status_message(self.status))
+
+    def _say(self, text: str) -> None:
+        """Something for people, once in ten seconds."""
+        now = self._clock()
+        if now - self._said.get(text, float("-inf")) < 10.0:
+            return
+        self._said[text] = now
+        self._texts += 1
+        for message in status_text_messages(text, WARNING, self._texts):
+            self._send(message)
+
+
+def heartbeat(*, leading: bool) -> Message:
+    """What the companion says of itself."""
+    state = mavlink.MAV_STATE_ACTIVE if leading else mavlink.MAV_STATE_STANDBY
+    kind = mavlink.MAV_TYPE_ONBOARD_CONTROLLER
+    return mavlink.MAVLink_heartbeat_message(kind, mavlink.MAV_AUTOPILOT_INVALID, 0, 0, state, 3)

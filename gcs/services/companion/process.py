@@ -1,0 +1,194 @@
+"""`gcs companion`: the core on a real link and the real clock, until it is interrupted."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import time
+from contextlib import suppress
+from typing import TYPE_CHECKING
+
+from gcs.core.errors import InputError
+from gcs.mavlink.companion_lease import COMPANION
+from gcs.mavlink.dialect import Message
+from gcs.mavlink.heartbeats import is_vehicle
+from gcs.mavlink.link_url import parse_link_url
+from gcs.mavlink.links import make_link
+from gcs.mavlink.report_outbox import ReportOutbox
+from gcs.services.companion.core import CompanionCore, CompanionOptions, heartbeat
+from gcs.services.companion.navigator_warm_up import warm_navigator
+from gcs.services.companion.station_plans import StationFiles, StationPlans, keep_folder
+from gcs.storage.data_directory import default_data_directory, make_data_directory
+from gcs.storage.kept_plans import KeptPlans
+from gcs.storage.report_outbox_files import ReportOutboxFiles
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+    from pathlib import Path
+
+    from gcs.mavlink.link_base import Link, Peer
+    from gcs.mavlink.received_message import ReceivedMessage
+
+log = logging.getLogger(__name__)
+
+ANYBODY = 1
+"""System id with which the companion speaks before it has heard its autopilot."""
+
+GREETING_S = 1.0
+LONGEST_SLEEP_S = 0.5
+
+
+async def run_companion(
+    url: str,
+    *,
+    station: str | None,
+    token_file: Path | None,
+    keep: Path | None,
+    plans: tuple[Path, ...],
+    options: CompanionOptions,
+    say: Callable[[str], None],
+    on_taken: Callable[[ReceivedMessage], None] | None = None,
+) -> None:
+    """Run a companion until it is cancelled.
+
+    Args:
+        url: of the link to the autopilot.
+        station: URL of the station that has the plans; None to fly kept plans alone.
+        token_file: holds the station's session token; that of this machine's data directory when not given.
+        keep: where plans and undelivered reports are kept.
+        plans: folders of plans to be kept from the start.
+        options: see `CompanionOptions`.
+        say: takes lines for whoever started it.
+        on_taken: told of each message once what follows from it at once is sent.
+
+    Raises:
+        InputError: the link, the station's URL or a plan's folder is none.
+        LinkError: the link cannot be opened.
+        StorageError: nothing can be kept.
+    """
+    directory = keep or default_data_directory() / "companion"
+    make_data_directory(directory)
+    kept = KeptPlans(directory / "plans")
+    for folder in plans:
+        say(f"plan {keep_folder(kept, folder)[:12]} is kept")
+    files = None if station is None else StationFiles(station, _token(token_file))
+    shell = _Shell(url, StationPlans(kept, files), ReportOutboxFiles(directory / "reports"), options, say)
+    shell.on_taken = on_taken
+    await shell.run()
+
+
+def _token(token_file: Path | None) -> str:
+    path = token_file or default_data_directory() / "token"
+    try:
+        token = path.read_text().strip()
+    except OSError as error:
+        raise InputError(f"the station's token cannot be read: {error.strerror}", field=str(path)) from None
+    if not token:
+        raise InputError("it holds no token", field=str(path))
+    return token
+
+
+class _Shell:
+    """Opens the link, waits for the autopilot, and drives the core."""
+
+    def __init__(
+        self,
+        url: str,
+        plans: StationPlans,
+        store: ReportOutboxFiles,
+        options: CompanionOptions,
+        say: Callable[[str], None],
+    ) -> None:
+        self._address = parse_link_url(url)
+        self._plans = plans
+        self._store = store
+        self._options = options
+        self._say = say
+        self.on_taken: Callable[[ReceivedMessage], None] | None = None
+        self._core: CompanionCore | None = None
+        self._system_id: int | None = None
+        self._link: Link | None = None
+        self._autopilot: Peer | None = None
+        self._wake = asyncio.Event()
+
+    async def run(self) -> None:
+        """Until it is cancelled."""
+        await self._open(ANYBODY)
+        try:
+            warm_navigator()
+            await self._meet()
+            await self._drive()
+        finally:
+            if self._link is not None:
+                await self._link.close()
+
+    async def _open(self, system_id: int) -> None:
+        if self._link is not None:
+            await self._link.close()
+        self._link = make_link(self._address, (system_id, COMPANION), self._heard, time.monotonic)
+        await self._link.open()
+        self._say(f"listens for the autopilot on {self._link.url}")
+
+    async def _meet(self) -> None:
+        """Wait for the autopilot, and become a component of its system."""
+        while self._system_id is None:
+            self._greet()
+            with suppress(TimeoutError):
+                await asyncio.wait_for(self._wake.wait(), GREETING_S)
+            self._wake.clear()
+        system_id = self._system_id
+        if system_id != ANYBODY:
+            await self._open(system_id)
+        self._say(f"beside the autopilot of system {system_id}")
+        outbox = ReportOutbox(self._store, self._send, time.monotonic)
+        self._core = CompanionCore(
+            system_id=system_id,
+            send=self._send,
+            clock=time.monotonic,
+            plans=self._plans,
+            outbox=outbox,
+            options=self._options,
+        )
+
+    async def _drive(self) -> None:
+        core = self._core
+        assert core is not None  # it has been met
+        while True:
+            wait_s = min(core.deadline - time.monotonic(), LONGEST_SLEEP_S)
+            if wait_s > 0:
+                self._wake.clear()
+                with suppress(TimeoutError):
+                    async with asyncio.timeout(wait_s):
+                        await self._wake.wait()
+            else:
+                await asyncio.sleep(0)
+            core.on_time()
+
+    def _heard(self, link: Link, peer: Peer, message: ReceivedMessage) -> None:
+        del link
+        if self._system_id is None:
+            if message.get_type() == "HEARTBEAT" and is_vehicle(message):
+                self._system_id, self._autopilot = message.get_srcSystem(), peer
+                self._wake.set()
+            return
+        if message.get_srcSystem() == self._system_id:
+            self._autopilot = peer
+        if self._core is None:
+            return
+        try:
+            self._core.handle(message)
+        except Exception:  # untrusted input: a message that cannot be taken must not stop the flight
+            log.exception("a %s could not be taken", message.get_type())
+        if self.on_taken is not None:
+            self.on_taken(message)
+        self._wake.set()
+
+    def _send(self, message: Message) -> None:
+        if self._autopilot is not None:
+            self._autopilot.send(message)
+
+    def _greet(self) -> None:
+        """Speak first where the link asks for it, so that the autopilot learns the way."""
+        assert self._link is not None
+        for peer in self._link.peers:
+            peer.send(heartbeat(leading=False))

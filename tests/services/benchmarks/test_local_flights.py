@@ -1,0 +1,59 @@
+"""Flights among random obstacles: the draw is fair, and the figures count what they say."""
+
+import math
+
+import numpy as np
+import pytest
+
+from gcs.services.benchmarks.companion_flights import FlightOutcome
+from gcs.services.benchmarks.local_flights import rows_of
+from gcs.services.benchmarks.random_obstacles import FROM_HOME_M, GAP_M, random_obstacles
+
+HOME = np.array([-14.0, -10.0, 0.0])
+WAY = np.linspace((-14.0, -10.0, 2.6), (7.0, 7.0, 3.3), 100)
+
+
+def outcome(**changes):
+    usual = {
+        "seed": 1,
+        "autopilot": "px4",
+        "least_m": 1.5,
+        "touched": (),
+        "viewpoints": 4,
+        "photographed": 3,
+        "skipped": 1,
+        "reports_made": 2,
+        "reports_once": 2,
+        "by_hand": None,
+        "flown_s": 60.0,
+    }
+    return FlightOutcome(**(usual | changes))
+
+
+def test_every_draw_is_fair_and_has_something_in_the_way():
+    for seed in range(100):
+        drawn = random_obstacles(np.random.default_rng(seed), WAY, HOME)
+        assert any(spec["height_m"] > 2 for spec in drawn)
+        standing = [spec for spec in drawn if len(spec["path_m"]) == 1]
+        for spec in drawn:
+            path = np.asarray(spec["path_m"])
+            for share in np.linspace(0, 1, 40):
+                place = path[0] + share * (path[-1] - path[0])
+                assert math.dist(place, HOME[:2]) > FROM_HOME_M - 0.5
+                for other in standing:
+                    gap = math.dist(place, other["path_m"][0]) - spec["radius_m"] - other["radius_m"]
+                    assert other is spec or gap > GAP_M - 0.5 or spec in standing
+
+
+def test_the_figures_add_up():
+    flights = [
+        outcome(),
+        outcome(touched=("truck",), least_m=-0.1),
+        outcome(photographed=2),
+        outcome(reports_once=1, by_hand="stuck"),
+    ]
+    figures = {row.figure: row.value for row in rows_of(flights, 20.0)}
+    assert figures["collisions"] == figures["unaccounted"] == figures["reports_not_once"] == 1
+    assert (figures["photographed"], figures["skipped_and_reported"], figures["viewpoints"]) == (11, 4, 16)
+    assert figures["ended_by_hand"] == 1 and figures["least_distance_m"] == pytest.approx(-0.1)
+    assert figures["cpu_s_per_flight"] == pytest.approx(5.0)

@@ -1,0 +1,93 @@
+"""`gcs companion` as it is started: what is wrong with its arguments is said in one line, before anything is opened."""
+
+from __future__ import annotations
+
+import hashlib
+import threading
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+
+import pytest
+
+from gcs.core.errors import GcsError, InputError, LinkError, NotFoundError, RefusedError
+from gcs.services.companion.core import CompanionOptions
+from gcs.services.companion.process import run_companion
+from gcs.services.companion.station_plans import StationFiles
+from gcs.storage.kept_plans import KeptPlans
+
+PLAN, STRUCTURE = b"{}", b"ply"
+HASH = hashlib.sha256(PLAN).hexdigest()
+TOKEN = "t" * 43
+
+
+async def refused(tmp_path, url="udpin:127.0.0.1:0", **given):
+    arguments = {"station": None, "token_file": None, "plans": (), "keep": tmp_path / "kept"} | given
+    with pytest.raises(GcsError) as error:
+        await run_companion(url, options=CompanionOptions(), say=lambda line: None, **arguments)
+    assert error.value.exit_status == 2
+    return str(error.value)
+
+
+async def test_wrong_arguments_are_named(tmp_path):
+    token = tmp_path / "token"
+    token.write_text(TOKEN)
+    assert "nonsense: not a link URL" in await refused(tmp_path, "nonsense")
+    for url in ("ftp://x", "http:/x", "http://h:99999"):
+        assert "--station" in await refused(tmp_path, station=url, token_file=token)
+    assert "token cannot be read" in await refused(tmp_path, station="http://h:1", token_file=tmp_path / "none")
+    token.write_text("")
+    assert "holds no token" in await refused(tmp_path, station="http://h:1", token_file=token)
+    assert "no such plan" in await refused(tmp_path, plans=(tmp_path / "none",))
+
+
+@pytest.fixture
+def station():
+    """Answers as a station does that knows one plan."""
+
+    class Answer(BaseHTTPRequestHandler):
+        def do_GET(self):
+            known = {
+                f"/api/plans/by-hash/{HASH}/plan.json": PLAN,
+                f"/api/plans/by-hash/{HASH}/structure.ply": STRUCTURE,
+            }
+            body = known.get(self.path)
+            fits = self.headers["Authorization"] == f"Bearer {TOKEN}"
+            self.send_response(401 if not fits else 404 if body is None else 200)
+            self.end_headers()
+            self.wfile.write(body or b"")
+
+        def log_message(self, *words):
+            pass
+
+    server = ThreadingHTTPServer(("127.0.0.1", 0), Answer)
+    thread = threading.Thread(target=server.serve_forever)
+    thread.start()
+    yield f"http://127.0.0.1:{server.server_port}"
+    server.shutdown()
+    thread.join()
+    server.server_close()
+
+
+def test_files_come_by_hash_and_what_is_wrong_is_said(station):
+    assert StationFiles(station, TOKEN).get(HASH, "plan.json") == PLAN
+    with pytest.raises(NotFoundError, match="knows no plan"):
+        StationFiles(station, TOKEN).get("0" * 64, "plan.json")
+    with pytest.raises(RefusedError, match="token"):
+        StationFiles(station, "other").get(HASH, "plan.json")
+
+
+def test_a_station_that_is_not_there(unused_tcp_port):
+    with pytest.raises(LinkError, match="does not answer"):
+        StationFiles(f"http://127.0.0.1:{unused_tcp_port}", TOKEN).get(HASH, "plan.json")
+
+
+def test_plans_are_kept_over_restarts_and_only_whole(tmp_path):
+    KeptPlans(tmp_path).keep(HASH, PLAN, STRUCTURE)
+    kept = KeptPlans(tmp_path)
+    folder = kept.find(HASH)
+    assert folder is not None
+    (folder / "plan.json").write_bytes(b"{ }")
+    assert kept.find(HASH) is None, "damaged"
+    with pytest.raises(InputError, match="not the plan of this hash"):
+        kept.keep("0" * 64, PLAN, STRUCTURE)
+    with pytest.raises(InputError, match="64 hex digits"):
+        kept.find("../../etc")

@@ -1,0 +1,89 @@
+"""Station, vehicle and companion as processes: a flight round what no plan knows, and its reports at the station."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+
+import numpy as np
+import pytest
+
+from gcs.services.home_column import column_times
+from gcs.storage.plan_files import plan_hash, read_plan
+
+pytestmark = pytest.mark.system
+
+OVER = {"completed", "incomplete", "aborted"}
+
+
+def on_the_way(plan_directory):
+    """A place on the way from home to the first viewpoint, half-way."""
+    plan = read_plan(plan_directory)
+    leave, _ = column_times(plan)
+    times = np.linspace(leave, plan.viewpoints[0].time_s, 400)
+    places = plan.trajectory.value(times)
+    way = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(places, axis=0), axis=1))])
+    return places[np.searchsorted(way, way[-1] / 2)]
+
+
+@pytest.fixture
+def obstacle(tmp_path, small_plan):
+    """A mast on the way that no plan knows."""
+    x, y, _ = on_the_way(small_plan)
+    file = tmp_path / "obstacles.json"
+    mast = {"kind": "vehicle", "name": "mast", "path_m": [[x, y]], "radius_m": 0.6, "height_m": 80.0}
+    file.write_text(json.dumps({"obstacles": [mast]}))
+    return file
+
+
+@contextlib.asynccontextmanager
+async def beside(gcs, port, station, tmp_path, *extra):
+    """A companion, up to where it has met its autopilot."""
+    arguments = ["--connect", f"udpin:127.0.0.1:{port}", "--station", f"http://127.0.0.1:{station.port}"]
+    arguments += ["--token-file", station.data / "token", "--keep", tmp_path / "kept", *extra]
+    async with gcs.running("companion", *arguments) as told:
+        await told.until("beside the autopilot")
+        yield told
+
+
+@pytest.mark.parametrize("kind", ["px4", "ardupilot"])
+async def test_a_whole_flight_round_an_obstacle(kind, gcs, station, vehicle, obstacle, small_plan, tmp_path, free_port):
+    port = free_port()
+    flown = vehicle(
+        kind, "--companion", str(port), "--obstacles", str(obstacle), plan=small_plan, speedup=1, card=tmp_path / "card"
+    )
+    base = await station(small_plan)
+    async with beside(gcs, port, base, tmp_path):
+        flight = await base.prepared(flown, "companion")
+        await base.post(f"/flights/{flight}/start", confirm=flown.name)
+        done = await base.until(flight, lambda f: f["state"] in OVER, 240)
+    events = [event["text"] for event in base.get(f"/flights/{flight}/events")]
+    assert done["state"] in {"completed", "incomplete"}, (done["problems"], events)
+    truth = flown.truth
+    assert truth["obstacles"]["touched"] == {}
+    assert (tmp_path / "kept" / "plans" / plan_hash(small_plan) / "plan.json").is_file()
+    reports = base.get(f"/flights/{flight}/replans")
+    skipped = {v["viewpoint_id"] for report in reports for v in report["viewpoints"]}
+    pictured = truth["captures"]
+    assert reports, "the station was told of it"
+    assert pictured + len(skipped) == len(read_plan(small_plan).viewpoints), "pictured, or reported as skipped"
+    assert any("finished" in text for text in events), "the companion flew the plan to its end"
+    assert any("companion: leading" in text for text in events)
+
+
+async def test_the_pilots_switch_while_the_companion_leads(gcs, station, vehicle, small_plan, tmp_path, free_port):
+    port = free_port()
+    flown = vehicle("px4", "--companion", str(port), plan=small_plan, speedup=1, card=tmp_path / "card")
+    base = await station(small_plan)
+    async with beside(gcs, port, base, tmp_path):
+        flight = await base.prepared(flown, "companion")
+        await base.post(f"/flights/{flight}/start", confirm=flown.name)
+        await base.until(flight, lambda f: f["state"] == "flying")
+        await flown.until(lambda truth: truth["mode"] == "OFFBOARD")
+        flown.ask("mode POSCTL")
+        held = await base.until(flight, lambda f: f["state"] == "held")
+        assert "resume" in held["actions"]
+        before = flown.truth["setpoints"]
+        await flown.until(lambda truth: truth["seconds_since_setpoint"] > 2.0)
+        assert flown.truth["setpoints"] - before <= 3
+        assert flown.truth["mode"] == "POSCTL"

@@ -1,0 +1,34 @@
+"""`gcs fly --observer`: a plan where no satellites are received, flown by what another vehicle sees of the first."""
+
+import asyncio
+
+import pytest
+
+pytestmark = pytest.mark.system
+
+TOP = "-12,-12,26,12,12,50"
+READY = {
+    "px4": ("--param", "EKF2_EV_CTRL=3", "--param", "EKF2_NOAID_TOUT=90000000"),
+    "ardupilot": ("--param", "GPS2_TYPE=14", "--param", "FS_EKF_ACTION=0"),
+}
+"""They use positions, and patiently: a busy machine may keep the station from telling one for some seconds."""
+
+
+async def test_the_plan_is_flown_by_sightings(gcs, vehicle, small_plan, tmp_path, records, is_whole):
+    async with asyncio.TaskGroup() as group:
+        for kind in READY:
+            group.create_task(_flown(kind, gcs, vehicle, small_plan, tmp_path, records, is_whole))
+
+
+async def _flown(kind, gcs, vehicle, plan, tmp_path, records, is_whole):
+    data = tmp_path / f"data-{kind}"
+    options = ("--count", "2", "--sights", "2,1", f"--hidden={TOP}", *READY[kind])
+    pair = vehicle(kind, *options, plan=plan, speedup=2, card=tmp_path / f"card-{kind}")
+    flags = ("--connect", pair.url, "--mode", "mission", "--observer", f"{kind}-2", "--yes", pair.name)
+    told = await gcs("fly", plan, *flags, "--json", "--data", data)
+    assert told.status == 0, told.text
+    is_whole(pair, plan, data)
+    assert pair.truth["positions_taken"] > 20
+    said = "\n".join(records(data).texts("command"))
+    assert f"{kind}-1 has lost its own position fix" in said
+    assert f"{kind}-1 has its own position fix again" in said
