@@ -16,7 +16,7 @@ from gcs.api import live
 from gcs.api.doors import Doors
 from gcs.api.pages import pages_router
 from gcs.api.problems import MEDIA_TYPE, add_problem_handlers
-from gcs.api.routes import flights, images, plans, status, structures, vehicles
+from gcs.api.routes import flights, images, offers, plans, status, structures, vehicles
 from gcs.api.schemas.base import Problem
 from gcs.api.schemas.live import LiveMessage
 from gcs.api.session_token import session_token
@@ -63,7 +63,7 @@ def create_app(settings: StationSettings, services: StationServices | None = Non
     )
     app.state.services = used
     add_problem_handlers(app)
-    for group in (status, structures, plans, vehicles, flights, images):
+    for group in (status, structures, plans, vehicles, flights, images, offers):
         app.include_router(group.router, prefix="/api", responses={"default": {"model": Problem}})
     app.include_router(live.router, prefix="/api")
     app.include_router(pages_router(settings, token))

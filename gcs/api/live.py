@@ -9,6 +9,7 @@ from typing import Literal, assert_never
 from fastapi import APIRouter, WebSocket, WebSocketDisconnect
 
 from gcs.api.dependencies import Services
+from gcs.api.replan_views import offer_info, replan_info
 from gcs.api.schemas import live
 from gcs.api.views import (
     flight_event,
@@ -17,7 +18,6 @@ from gcs.api.views import (
     job_info,
     link_info,
     plan_summary,
-    replan_info,
     track_sample,
     vehicle_info,
     vehicle_message,
@@ -59,6 +59,8 @@ def live_message(event: live_feed.FeedEvent) -> live.AnyLiveMessage:
             return live.ImageMessage(image=image_info(image))
         case live_feed.ReplanStored(replan):
             return live.ReplanMessage(replan=replan_info(replan))
+        case live_feed.OfferChanged(offer):
+            return live.OfferMessage(offer=offer_info(offer))
         case _:
             assert_never(event)
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import asdict
 from typing import TYPE_CHECKING, TypeVar
 
 from gcs.api.schemas.base import Box, CableLine, Failure, GeoPosition, Reading
@@ -16,7 +15,6 @@ from gcs.api.schemas.flights import (
     OnVehicle,
     PreflightCheck,
     PreflightInfo,
-    ReplanInfo,
     TrackSample,
 )
 from gcs.api.schemas.plans import JobInfo, PlanReport, PlanSummary
@@ -43,6 +41,7 @@ if TYPE_CHECKING:
     from gcs.core.mission import MissionItem
     from gcs.core.structure_source import Cable
     from gcs.core.vehicle import Heard
+    from gcs.mavlink.routing import WayInfo as Way
     from gcs.mavlink.signing import SigningStatus
     from gcs.services.flight_types import OnVehicleMission, PreflightReport
     from gcs.services.plan_service import PlanView
@@ -54,7 +53,6 @@ if TYPE_CHECKING:
         FlightOverview,
         ImageRecord,
         JobRecord,
-        ReplanRecord,
         TrackPoint,
     )
 
@@ -150,7 +148,15 @@ def link_info(view: LinkView) -> LinkInfo:
 def signing_info(status: SigningStatus) -> SigningInfo:
     """How signing of a link goes."""
     counts = {verdict.name.lower(): count for verdict, count in status.counts.items()}
-    return SigningInfo(rejects_unsigned=status.rejects_unsigned, problem=status.problem, **counts)
+    return SigningInfo(
+        rejects_unsigned=status.rejects_unsigned, problem=status.problem, rotated_at=status.rotated_at, **counts
+    )
+
+
+def way_info(way: Way) -> WayInfo:
+    """A link on which a vehicle is heard."""
+    signing = None if way.signing is None else signing_info(way.signing)
+    return WayInfo.model_validate({**vars(way), "signing": signing})
 
 
 def vehicle_info(view: VehicleView) -> VehicleInfo:
@@ -177,7 +183,8 @@ def vehicle_info(view: VehicleView) -> VehicleInfo:
         flight_id=view.flight_id,
         id_clash=view.id_clash,
         mavlink_version=view.mavlink_version,
-        ways=[WayInfo(**asdict(way)) for way in view.ways],
+        ways=[way_info(way) for way in view.ways],
+        position_source=view.position_source,
         armed=reading("armed", t.armed, bool),
         mode=reading("mode", t.mode, lambda m: m.value),
         mode_name=reading("mode_name", t.mode_name, str),
@@ -255,11 +262,6 @@ def track_sample(point: TrackPoint) -> TrackSample:
 def image_info(record: ImageRecord) -> ImageInfo:
     """A picture."""
     return ImageInfo.model_validate(record)
-
-
-def replan_info(record: ReplanRecord) -> ReplanInfo:
-    """A detour."""
-    return ReplanInfo.model_validate({**vars(record), "path_m": list(record.path_m)})
 
 
 def preflight_info(report: PreflightReport) -> PreflightInfo:

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from gcs.storage.image_repository import ImageRepository
     from gcs.storage.job_repository import JobRepository
     from gcs.storage.link_repository import LinkRepository
+    from gcs.storage.offer_repository import OfferRepository
     from gcs.storage.plan_repository import PlanRepository
     from gcs.storage.replan_repository import ReplanRepository
     from gcs.storage.structure_repository import StructureRepository
@@ -57,6 +58,7 @@ class Database:
         from gcs.storage.image_repository import ImageRepository
         from gcs.storage.job_repository import JobRepository
         from gcs.storage.link_repository import LinkRepository
+        from gcs.storage.offer_repository import OfferRepository
         from gcs.storage.plan_repository import PlanRepository
         from gcs.storage.replan_repository import ReplanRepository
         from gcs.storage.structure_repository import StructureRepository
@@ -74,6 +76,7 @@ class Database:
         self.flights: FlightRepository = FlightRepository(self)
         self.images: ImageRepository = ImageRepository(self)
         self.replans: ReplanRepository = ReplanRepository(self)
+        self.offers: OfferRepository = OfferRepository(self)
         self.dynamics: DynamicsRepository = DynamicsRepository(self)
 
     @contextmanager

@@ -63,6 +63,19 @@ class PlanRepository:
         with self._database.transaction() as session:
             return _record(_row(session, plan_id))
 
+    def with_hash(self, plan_hash: str) -> PlanRecord:
+        """The newest plan whose plan.json has a SHA-256.
+
+        Raises:
+            NotFoundError: there is none.
+        """
+        with self._database.transaction() as session:
+            chosen = select(PlanRow).where(PlanRow.plan_hash == plan_hash).order_by(PlanRow.created_at.desc()).limit(1)
+            row = session.scalars(chosen).first()
+            if row is None:
+                raise NotFoundError("there is no plan with this hash", field="plan_hash")
+            return _record(row)
+
     def mark_ready(self, plan_id: str, plan_hash: str, report: dict[str, Any]) -> PlanRecord:
         """Its files are in place."""
         with self._database.transaction() as session:

@@ -39,10 +39,16 @@ class JobState(StrEnum):
 
 
 class FlightPath(StrEnum):
-    """Who steers along the plan: the vehicle by its mission, or the station by setpoints."""
+    """Who steers along the plan: the vehicle by its mission, the station by setpoints, or a companion on board."""
 
     MISSION = "mission"
     OFFBOARD = "offboard"
+    COMPANION = "companion"
+
+    @property
+    def by_setpoints(self) -> bool:
+        """Whether the autopilot follows setpoints, and carries no mission."""
+        return self is not FlightPath.MISSION
 
 
 class FlightState(StrEnum):
@@ -79,6 +85,31 @@ class UploadState(StrEnum):
     PROVED = "proved"
     FAILED = "failed"
     INTERRUPTED = "interrupted"
+
+
+class ViewpointFateName(StrEnum):
+    """What became of a viewpoint that a replanning report names."""
+
+    SKIPPED = "skipped"
+    MOVED = "moved"
+
+
+class OfferState(StrEnum):
+    """Where an offered plan stands."""
+
+    PLANNING = "planning"
+    OFFERED = "offered"
+    ACCEPTED = "accepted"
+    REFUSED = "refused"
+    FAILED = "failed"
+    """There is no such plan, or it was not finished."""
+    SUPERSEDED = "superseded"
+    """More was skipped, and a newer offer has taken its place."""
+
+    @property
+    def open(self) -> bool:
+        """Whether the operator may still decide, or will be able to."""
+        return self in {OfferState.PLANNING, OfferState.OFFERED}
 
 
 class ImageState(StrEnum):
@@ -288,8 +319,52 @@ class ReplanRecord:
     mission_item: int
     left_at_s: float
     """Vehicle clock."""
-    rejoined_at_s: float
+    rejoined_at_s: float | None
+    """None when it did not come back to the plan."""
     path_m: tuple[tuple[float, float, float], ...]
     """Scene ENU."""
-    matches_plan: bool
-    """Whether its plan hash is that of the flight's plan."""
+    plan_hash_after: str | None = None
+    """Of the plan as it was changed; None in reports of a time when vehicles did not tell."""
+    obstacle: ReplanObstacle | None = None
+    viewpoints: tuple[ViewpointFateRecord, ...] = ()
+
+
+@dataclass(frozen=True)
+class ReplanObstacle:
+    """What was in the way, as the vehicle saw it: an upright cylinder."""
+
+    position_m: tuple[float, float, float]
+    """Scene ENU."""
+    radius_m: float
+    velocity_m_s: tuple[float, float]
+    """East and north."""
+
+
+@dataclass(frozen=True)
+class ViewpointFateRecord:
+    """A viewpoint that a vehicle skipped, or took the picture of from another place."""
+
+    viewpoint_id: int
+    fate: ViewpointFateName
+    position_m: tuple[float, float, float] | None = None
+    """Where the picture is taken from instead, scene ENU; None when it is skipped."""
+
+
+@dataclass(frozen=True)
+class PlanOfferRecord:
+    """A plan from home through the viewpoints that a flight skipped."""
+
+    id: str
+    flight_id: str
+    state: OfferState
+    created_at: str
+    viewpoints: tuple[int, ...]
+    """Ids in the plan that was flown."""
+    names: tuple[str, ...]
+    length_m: float | None = None
+    duration_s: float | None = None
+    decided_at: str | None = None
+    """When the operator accepted or refused it."""
+    plan_id: str | None = None
+    """The station's plan that it became."""
+    failure: Failure | None = None

@@ -21,8 +21,9 @@ def _enum_fields(kind: type[Any]) -> dict[str, type[Enum]]:
     return _known[kind]
 
 
-def _frozen(value: Any) -> Any:
-    return tuple(_frozen(v) for v in value) if isinstance(value, list) else value
+def frozen(value: Any) -> Any:
+    """A value as a record has it: tuples for lists."""
+    return tuple(frozen(v) for v in value) if isinstance(value, list) else value
 
 
 def record_of(kind: type[R], row: Base) -> R:
@@ -31,7 +32,7 @@ def record_of(kind: type[R], row: Base) -> R:
     values: dict[str, Any] = {}
     for field in fields(kind):  # type: ignore[arg-type]  # records are dataclasses
         value = getattr(row, field.name)
-        values[field.name] = enums[field.name](value) if field.name in enums else _frozen(value)
+        values[field.name] = enums[field.name](value) if field.name in enums else frozen(value)
     return kind(**values)
 
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 import base64
 import json
 import os
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING
 
 from gcs.core.errors import InputError, StorageError
@@ -35,10 +35,12 @@ class StoredKey:
     Attributes:
         key: 32 bytes.
         rejects_unsigned: whether packets without a signature are refused.
+        rotated_at: when it took the place of an older key, UTC ISO 8601; None while it is the first.
     """
 
     key: bytes
     rejects_unsigned: bool
+    rotated_at: str | None = None
 
     def __repr__(self) -> str:  # keys belong in no log
         return f"StoredKey(rejects_unsigned={self.rejects_unsigned})"
@@ -112,12 +114,13 @@ class SigningKeyStore:
         except (KeyError, ValueError, AttributeError, TypeError) as error:
             raise StorageError("this is no file of signing keys", field=str(self._path)) from error
         return {
-            url: StoredKey(bytes.fromhex(each["key"]), bool(each["rejects_unsigned"])) for url, each in keys.items()
+            url: StoredKey(bytes.fromhex(each["key"]), bool(each["rejects_unsigned"]), each.get("rotated_at"))
+            for url, each in keys.items()
         }
 
     def _write(self, keys: dict[str, StoredKey]) -> None:
         salt = os.urandom(_SALT_BYTES)
-        plain = {url: {"key": each.key.hex(), "rejects_unsigned": each.rejects_unsigned} for url, each in keys.items()}
+        plain = {url: {**asdict(each), "key": each.key.hex()} for url, each in keys.items()}
         token = _cipher(self._passphrase or "", salt).encrypt(json.dumps(plain).encode())
         text = json.dumps({"salt": base64.b64encode(salt).decode(), "keys": token.decode()})
         make_data_directory(self._path.parent)

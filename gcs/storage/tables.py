@@ -224,8 +224,28 @@ class ReplanRow(Base):
     reason: Mapped[str]
     mission_item: Mapped[int]
     left_at_s: Mapped[float]
-    rejoined_at_s: Mapped[float]
+    rejoined_at_s: Mapped[float | None]
     path_m: Mapped[list[Any]]
-    matches_plan: Mapped[bool]
+    plan_hash_after: Mapped[str | None]
+    obstacle: Mapped[dict[str, Any] | None]
+    viewpoints: Mapped[list[Any]]
 
     __table_args__ = (UniqueConstraint("flight_id", "system_id", "boot_id", "number"),)
+
+
+class PlanOfferRow(Base):
+    """A plan that was offered for what a flight skipped."""
+
+    __tablename__ = "plan_offers"
+
+    id: Mapped[str] = mapped_column(primary_key=True)
+    flight_id: Mapped[str] = mapped_column(ForeignKey("flights.id", ondelete="RESTRICT"), index=True)
+    state: Mapped[str]
+    created_at: Mapped[str]
+    viewpoints: Mapped[list[Any]]
+    names: Mapped[list[Any]]
+    length_m: Mapped[float | None]
+    duration_s: Mapped[float | None]
+    decided_at: Mapped[str | None]
+    plan_id: Mapped[str | None] = mapped_column(ForeignKey("plans.id", ondelete="SET NULL"))
+    failure: Mapped[dict[str, Any] | None]

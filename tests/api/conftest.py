@@ -170,7 +170,7 @@ class FakeFlights:
     async def upload(self, flight_id, *, confirm, accept):
         return self._do(flight_id, FlightState.UPLOADING, "upload", accept)
 
-    async def start(self, flight_id, *, confirm, accept):
+    async def start(self, flight_id, *, confirm, accept, observer=None):
         return self._do(flight_id, FlightState.FLYING, "start", confirm, accept)
 
     async def resume(self, flight_id, *, confirm, accept):

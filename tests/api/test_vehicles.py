@@ -3,6 +3,8 @@ from dataclasses import replace
 import pytest
 
 from gcs.core.vehicle import Heard
+from gcs.mavlink.routing import WayInfo
+from gcs.mavlink.signing import SigningStatus, Verdict
 
 
 def test_every_value_has_its_age_and_unknown_is_null(client):
@@ -90,15 +92,21 @@ def test_signing_needs_an_open_link_and_a_passphrase_to_keep_the_key_with(client
     assert (response.status_code, "not signed" in response.text) == (404, True)
 
 
-def test_a_vehicle_shows_its_links_and_a_clash_of_ids(client, mavlink):
-    mavlink.vehicles[1].id_clash = "units aa and bb answer"
-    (vehicle,) = client.get("/api/vehicles").json()
-    assert vehicle["id_clash"] == "units aa and bb answer"
-    assert vehicle["ways"][0] | {"age_s": 0.1} == {
-        "url": "udpin:127.0.0.1:14550",
-        "peer": "127.0.0.1:14550",
-        "used": True,
-        "loss": None,
-        "round_trip_s": 0.05,
-        "age_s": 0.1,
-    }
+def test_a_vehicle_tells_its_ways_with_their_signing_and_a_clash_of_ids(client, mavlink, monkeypatch):
+    counts = {**dict.fromkeys(Verdict, 0), Verdict.GOOD: 90, Verdict.UNSIGNED: 4}
+    signing = SigningStatus(True, counts, "unsigned packets come in", "2026-11-22T10:00:00Z")
+    ways = (
+        WayInfo("serial:/dev/ttyUSB0:57600", "serial", True, 0.02, 0.3, 0.1, signing),
+        WayInfo("udpin:127.0.0.1:14550", "127.0.0.1:14550", False, 0.2, None, 1.2),
+    )
+    monkeypatch.setattr(mavlink, "ways", lambda vehicle: ways)
+    mavlink.vehicles[1].id_clash = "clocks 30 s apart are heard in turns"
+    vehicle = client.get("/api/vehicles/px4-1").json()
+    used, spare = vehicle["ways"]
+    figures = {"used": True, "loss": 0.02, "round_trip_s": 0.3, "age_s": 0.1, "peer": "serial"}
+    assert used | figures == used
+    assert (used["signing"]["good"], used["signing"]["unsigned"], used["signing"]["rejects_unsigned"]) == (90, 4, True)
+    assert used["signing"]["problem"] == "unsigned packets come in"
+    assert used["signing"]["rotated_at"] == "2026-11-22T10:00:00Z"
+    assert (spare["used"], spare["signing"]) == (False, None)
+    assert vehicle["id_clash"] == "clocks 30 s apart are heard in turns"

@@ -4,9 +4,7 @@ import pytest
 
 from gcs.core.clock import utc_now
 from gcs.core.errors import NotFoundError, StorageError
-from gcs.core.frames import GeoPoint
 from gcs.core.mission import MissionItem, mission_crc32
-from gcs.core.vehicle import ReplanReport
 from gcs.storage.records import FlightState, ImageRecord, ImageState, TrackPoint, UploadState
 
 
@@ -122,17 +120,3 @@ def test_pictures_that_are_not_stored_are_still_to_be_fetched(database, flight):
     )
     assert [i.index for i in database.images.unfinished(flight.id)] == [0]
     assert database.images.get(stored.id).position_m == (1, 2, 3)
-
-
-def test_a_detour_that_is_sent_again_is_stored_once(database, flight):
-    report = ReplanReport(77, 1, "ab" * 32, "gust", 4, 12.5, 19.0, (GeoPoint(1, 2, 3), GeoPoint(1, 2, 4)))
-    path = ((0.0, 0.0, 10.0), (1.0, 0.0, 10.0))
-    keep = {"received_at": utc_now(), "path_m": path, "matches_plan": True}
-    first, new = database.replans.add(flight.id, 1, report, **keep)
-    again, new_again = database.replans.add(flight.id, 1, report, **keep)
-    assert (new, new_again) == (True, False)
-    assert first == again
-    assert first.path_m == path
-    other_boot = ReplanReport(78, 1, "ab" * 32, "gust", 4, 12.5, 19.0, report.path)
-    assert database.replans.add(flight.id, 1, other_boot, **keep)[1]
-    assert len(database.replans.of_flight(flight.id)) == 2

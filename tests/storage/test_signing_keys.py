@@ -11,7 +11,7 @@ PASSPHRASE = "correct horse"
 
 def test_keys_come_back_with_the_passphrase_and_are_not_readable_in_the_file(tmp_path):
     store = SigningKeyStore(tmp_path / "data", PASSPHRASE)
-    first, second = StoredKey(os.urandom(32), True), StoredKey(os.urandom(32), False)
+    first, second = StoredKey(os.urandom(32), True), StoredKey(os.urandom(32), False, "2026-11-22T10:00:00Z")
     store.put(URL, first)
     store.put(OTHER, second)
     again = SigningKeyStore(tmp_path / "data", PASSPHRASE)
@@ -52,3 +52,9 @@ def test_a_damaged_file_is_said(tmp_path, damage):
     (tmp_path / FILE).write_bytes(damage)
     with pytest.raises((StorageError, InputError)):
         SigningKeyStore(tmp_path, PASSPHRASE).get(URL)
+
+
+def test_keys_that_were_kept_before_rotations_were_noted_are_still_read(tmp_path, monkeypatch):
+    monkeypatch.setattr("gcs.storage.signing_keys.asdict", lambda each: {"rejects_unsigned": each.rejects_unsigned})
+    SigningKeyStore(tmp_path, PASSPHRASE).put(URL, StoredKey(bytes(32), True, "2026-11-22T10:00:00Z"))
+    assert SigningKeyStore(tmp_path, PASSPHRASE).get(URL) == StoredKey(bytes(32), True, None)

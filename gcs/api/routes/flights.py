@@ -8,6 +8,7 @@ from fastapi import APIRouter, Query
 from fastapi.responses import StreamingResponse
 
 from gcs.api.dependencies import FlightId, Services
+from gcs.api.replan_views import replan_info
 from gcs.api.schemas.flights import (
     CommandRequest,
     FlightDetail,
@@ -17,20 +18,19 @@ from gcs.api.schemas.flights import (
     ImageInfo,
     OnVehicle,
     PreflightInfo,
-    ReplanInfo,
     StartRequest,
     TelemetryLogFile,
     Track,
     UploadRequest,
     Visit,
 )
+from gcs.api.schemas.replans import ReplanInfo
 from gcs.api.views import (
     flight_event,
     flight_info,
     image_info,
     on_vehicle_info,
     preflight_info,
-    replan_info,
     track_sample,
 )
 from gcs.core.errors import RefusedError
@@ -119,7 +119,7 @@ async def upload_flight(services: Services, flight_id: FlightId, request: Upload
 async def start_flight(services: Services, flight_id: FlightId, request: StartRequest) -> FlightInfo:
     """Check, arm, take off and fly; the confirmation names the vehicle."""
     _check_confirmation(services, flight_id, request.confirm, needed=True)
-    await services.flights.start(flight_id, confirm=request.confirm, accept=request.accept)
+    await services.flights.start(flight_id, confirm=request.confirm, accept=request.accept, observer=request.observer)
     return _info(services, flight_id)
 
 
@@ -182,8 +182,8 @@ def list_flight_images(services: Services, flight_id: FlightId) -> list[ImageInf
 
 @router.get("/{flight_id}/replans", operation_id="listFlightReplans")
 def list_flight_replans(services: Services, flight_id: FlightId) -> list[ReplanInfo]:
-    """Detours that the vehicle reported."""
-    return [replan_info(r) for r in services.database.replans.of_flight(flight_id)]
+    """Departures from the plan that the vehicle reported, as differences from it, in the order of the flight."""
+    return [replan_info(view) for view in services.replans.of_flight(flight_id)]
 
 
 @router.get("/{flight_id}/on-vehicle", operation_id="getOnVehicle")

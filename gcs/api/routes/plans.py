@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from typing import Literal
+
 from fastapi import APIRouter
 from fastapi.responses import FileResponse
 
-from gcs.api.dependencies import PlanId, Services
+from gcs.api.dependencies import PlanHash, PlanId, Services
 from gcs.api.plan_drawing import plan_detail
 from gcs.api.schemas.plans import PlanAccepted, PlanDetail, PlanRequest, PlanSummary
 from gcs.api.views import job_info, plan_summary
@@ -36,6 +38,20 @@ async def make_plan(services: Services, request: PlanRequest) -> PlanAccepted:
     summary = plan_summary(plan)
     assert plan.job is not None
     return PlanAccepted(plan=summary, job=job_info(plan.job))
+
+
+@router.get(
+    "/by-hash/{plan_hash}/{name}",
+    operation_id="getPlanFileByHash",
+    response_class=FileResponse,
+    responses={200: {"content": {"application/octet-stream": {"schema": {"type": "string", "format": "binary"}}}}},
+)
+def get_plan_file_by_hash(
+    services: Services, plan_hash: PlanHash, name: Literal["plan.json", "structure.ply"]
+) -> FileResponse:
+    """What a companion needs of the plan whose plan.json has this SHA-256."""
+    path = services.plans.file_by_hash(plan_hash, name)
+    return FileResponse(path, media_type=MEDIA_TYPES[path.suffix])
 
 
 @router.get("/{plan_id}", operation_id="getPlan")

@@ -43,6 +43,10 @@ class StartRequest(Taken):
 
     confirm: Annotated[str, Field(min_length=1, max_length=40, description="The vehicle's name or bare system id.")]
     accept: Accepted = ()
+    observer: VehicleName | None = Field(
+        None,
+        description="At a start: another vehicle, whose sightings of this one stand in for a lost position fix.",
+    )
 
 
 class CommandRequest(Taken):
@@ -194,19 +198,3 @@ class ImageInfo(Sent):
     size_bytes: int | None
     crc32: int | None
     problem: str | None
-
-
-class ReplanInfo(Sent):
-    """A detour that the vehicle reported."""
-
-    id: int
-    flight_id: str
-    boot_id: int
-    number: int
-    received_at: str
-    reason: str
-    mission_item: int
-    left_at_s: float
-    rejoined_at_s: float
-    path_m: list[Point3]
-    matches_plan: bool = Field(description="Whether it names the plan that this flight flies.")

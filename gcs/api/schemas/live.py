@@ -1,7 +1,7 @@
 """Messages of the live stream (WebSocket /api/live, station to dashboard), told apart by `type`.
 
 The first message is a snapshot. When a client was too slow to take everything, its queue is dropped and a new snapshot
-follows with `reason: catch_up`; what is append-only (log, track, images, replans) is then read again over REST.
+follows with `reason: catch_up`; what is append-only (log, track, images, replans, offers) is then read again over REST.
 """
 
 from __future__ import annotations
@@ -11,8 +11,9 @@ from typing import Annotated, Literal
 from pydantic import Field, RootModel
 
 from gcs.api.schemas.base import Sent
-from gcs.api.schemas.flights import FlightEvent, FlightInfo, ImageInfo, ReplanInfo, TrackSample
+from gcs.api.schemas.flights import FlightEvent, FlightInfo, ImageInfo, TrackSample
 from gcs.api.schemas.plans import JobInfo, PlanSummary
+from gcs.api.schemas.replans import PlanOfferInfo, ReplanInfo
 from gcs.api.schemas.vehicles import LinkInfo, VehicleInfo, VehicleMessage
 
 
@@ -116,6 +117,13 @@ class ReplanMessage(Sent):
     replan: ReplanInfo
 
 
+class OfferMessage(Sent):
+    """A plan for what was skipped is being made, is offered, was decided on or cannot be made."""
+
+    type: Literal["offer"] = "offer"
+    offer: PlanOfferInfo
+
+
 class HeartbeatMessage(Sent):
     """Sent when nothing else was for two seconds, so that a dead stream shows."""
 
@@ -137,6 +145,7 @@ AnyLiveMessage = (
     | EventMessage
     | ImageMessage
     | ReplanMessage
+    | OfferMessage
     | HeartbeatMessage
 )
 

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from typing import Literal
+
 from pydantic import Field
 
 from gcs.api.schemas.base import Point3, Sent
-from gcs.storage.records import FlightPath
 
 
 class WayForecast(Sent):
@@ -29,6 +30,6 @@ class PredictionInfo(Sent):
     offboard: WayForecast = Field(description="As setpoints from the station.")
     mission_items: int | None = Field(None, description="None in reports of earlier releases.")
     needed_clearance_m: float = Field(description="What either way must keep.")
-    choice: FlightPath
+    choice: Literal["mission", "offboard"]
     why: str = Field(description="The choice in a sentence.")
     basis: str = Field("", description="What of the vehicle is known for it, and what is only usual.")

@@ -41,6 +41,9 @@ class SigningInfo(Sent):
     repeated: int = Field(description="Signed, but no newer than one that was heard before.")
     past: int = Field(description="Signed by a clock in the past.")
     problem: str | None = Field(description="What went wrong in the last seconds, and what to do.")
+    rotated_at: str | None = Field(
+        default=None, description="When the key took the place of an older one; null while it is the first."
+    )
 
 
 class LinkInfo(Sent):
@@ -91,6 +94,7 @@ class WayInfo(Sent):
     loss: float | None = Field(description="Share of its packets lost on the way lately, when there is more than one.")
     round_trip_s: float | None
     age_s: float = Field(description="Since the last packet.")
+    signing: SigningInfo | None = Field(default=None, description="Of its link; null when that is not signed.")
 
 
 class VehicleInfo(Sent):
@@ -115,6 +119,9 @@ class VehicleInfo(Sent):
         default=None, description="Of its heartbeats: one that sends MAVLink 1 is heard, but may not understand us."
     )
     ways: list[WayInfo] = Field(default=[], description="The links on which it is heard, the one that is used first.")
+    position_source: str | None = Field(
+        default=None, description="What stands in for its own position fix while that is lost; null while it has one."
+    )
     armed: Reading[bool] | None
     mode: Reading[str] | None = Field(description="In words common to both stacks.")
     mode_name: Reading[str] | None = Field(description="The stack's own name of the mode.")

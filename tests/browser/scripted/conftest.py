@@ -12,7 +12,7 @@ import pytest
 import trimesh
 from PIL import Image, ImageDraw
 
-from gcs.api.schemas import base, flights, live, plans, vehicles
+from gcs.api.schemas import base, flights, live, plans, replans, vehicles
 
 NOW = "2026-11-22T10:00:00Z"
 VEHICLE = "px4-1"
@@ -159,13 +159,28 @@ def image(number: int, state: str = "stored") -> flights.ImageInfo:
     return flights.ImageInfo.model_validate(values)
 
 
-def replan() -> flights.ReplanInfo:
+def replan(**changes: Any) -> replans.ReplanInfo:
     values: dict[str, Any] = {
         "id": 1, "flight_id": "flight-1", "boot_id": 7, "number": 1, "received_at": NOW, "reason": "bird",
-        "mission_item": 3, "left_at_s": 10.0, "rejoined_at_s": 14.5, "matches_plan": True,
-        "path_m": [(-7, 0, 12), (-9, 1, 14), (-7, 4, 16)],
+        "mission_item": 3, "left_at_s": 10.0, "rejoined_at_s": 14.5, "plan_hash": HASH, "plan_hash_after": "cd" * 32,
+        "path_m": [(-7, -2.4, 10.4), (-10, -1, 12.5), (-10, 1, 15), (-7, 2.4, 17.6)], "chain": "known",
+        "left_out": {
+            "from_s": 30.0, "to_s": 33.5, "length_m": 8.7, "duration_s": 3.5,
+            "path_m": [(-7, -2.4, 10.4), (-7, 2.4, 17.6)],
+        },
+        "flown_length_m": 11.7, "flown_duration_s": 4.5,
+        "obstacle": {"position_m": (-7, 0, 14), "radius_m": 0.8, "velocity_m_s": (0.6, 0.8)},
+        "viewpoints": [{"viewpoint_id": 1, "name": "V2", "fate": "skipped", "position_m": None}],
     }  # fmt: skip
-    return flights.ReplanInfo.model_validate(values)
+    return replans.ReplanInfo.model_validate({**values, **changes})
+
+
+def offer(**changes: Any) -> replans.PlanOfferInfo:
+    values: dict[str, Any] = {
+        "id": "offer-1", "flight_id": "flight-1", "state": "offered", "created_at": NOW, "viewpoints": [1],
+        "names": ["V2"], "length_m": 84.0, "duration_s": 61.0, "decided_at": None, "plan_id": None, "failure": None,
+    }  # fmt: skip
+    return replans.PlanOfferInfo.model_validate({**values, **changes})
 
 
 def checks(*states: tuple[str, str, str | None]) -> flights.PreflightInfo:
@@ -185,8 +200,8 @@ def told() -> SimpleNamespace:
     """Builders of what the station tells."""
     return SimpleNamespace(
         reading=reading, vehicle=vehicle, plan_summary=plan_summary, plan_detail=plan_detail, flight=flight,
-        on_vehicle=on_vehicle, image=image, replan=replan, checks=checks, PROVED=PROVED, FLYING=FLYING, NOW=NOW,
-        VEHICLE=VEHICLE,
+        on_vehicle=on_vehicle, image=image, replan=replan, offer=offer, checks=checks, PROVED=PROVED, FLYING=FLYING,
+        NOW=NOW, VEHICLE=VEHICLE,
     )  # fmt: skip
 
 
@@ -203,6 +218,7 @@ def script(station: Any) -> Any:
         "GET /flights/flight-1/events": [],
         "GET /flights/flight-1/images": [],
         "GET /flights/flight-1/replans": [],
+        "GET /flights/flight-1/offers": [],
         "GET /flights/flight-1/on-vehicle": on_vehicle(**NOT_READ),
         "GET /flights/flight-1/preflight": checks(("datum", "ok", None)),
         "POST /flights": flight(),

@@ -110,6 +110,32 @@ export interface paths {
         patch?: never;
         trace?: never;
     };
+    "/api/flights/{flight_id}/offers": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /**
+         * List Flight Offers
+         * @description The plans that were offered for what a flight skipped, oldest first.
+         */
+        get: operations["listFlightOffers"];
+        put?: never;
+        /**
+         * Request Offer
+         * @description Begin to make a plan for what a flight skipped; the live stream tells when it is offered.
+         *
+         *     One for the same viewpoints that is being made, offered or accepted is answered instead of a new one.
+         */
+        post: operations["requestOffer"];
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
     "/api/flights/{flight_id}/on-vehicle": {
         parameters: {
             query?: never;
@@ -199,7 +225,7 @@ export interface paths {
         };
         /**
          * List Flight Replans
-         * @description Detours that the vehicle reported.
+         * @description Departures from the plan that the vehicle reported, as differences from it, in the order of the flight.
          */
         get: operations["listFlightReplans"];
         put?: never;
@@ -438,6 +464,46 @@ export interface paths {
         patch?: never;
         trace?: never;
     };
+    "/api/offers/{offer_id}/accept": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        get?: never;
+        put?: never;
+        /**
+         * Accept Offer
+         * @description Make an offered plan one of the station's plans; one that is accepted already is answered as it is.
+         */
+        post: operations["acceptOffer"];
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/api/offers/{offer_id}/refuse": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        get?: never;
+        put?: never;
+        /**
+         * Refuse Offer
+         * @description Write down that an offered plan is not wanted; one that is refused already is answered as it is.
+         */
+        post: operations["refuseOffer"];
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
     "/api/plans": {
         parameters: {
             query?: never;
@@ -538,6 +604,26 @@ export interface paths {
          * @description One of the files that `gcs plan` writes.
          */
         get: operations["getPlanFile"];
+        put?: never;
+        post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/api/plans/by-hash/{plan_hash}/{name}": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /**
+         * Get Plan File By Hash
+         * @description What a companion needs of the plan whose plan.json has this SHA-256.
+         */
+        get: operations["getPlanFileByHash"];
         put?: never;
         post?: never;
         delete?: never;
@@ -787,6 +873,12 @@ export interface components {
             ];
         };
         /**
+         * Chain
+         * @description What is known of the plan that a report says it left.
+         * @enum {string}
+         */
+        Chain: "known" | "gap" | "unknown";
+        /**
          * CommandRequest
          * @description Pause, hold, return or land: makes a flight safer, so the confirmation may be left out; if given it must fit.
          */
@@ -1035,10 +1127,10 @@ export interface components {
         };
         /**
          * FlightPath
-         * @description Who steers along the plan: the vehicle by its mission, or the station by setpoints.
+         * @description Who steers along the plan: the vehicle by its mission, the station by setpoints, or a companion on board.
          * @enum {string}
          */
-        FlightPath: "mission" | "offboard";
+        FlightPath: "mission" | "offboard" | "companion";
         /**
          * FlightRequest
          * @description Prepare a flight; nothing is changed on the vehicle.
@@ -1239,7 +1331,7 @@ export interface components {
          * LiveMessage
          * @description Any message of the live stream.
          */
-        LiveMessage: components["schemas"]["SnapshotMessage"] | components["schemas"]["TelemetryMessage"] | components["schemas"]["LinkMessage"] | components["schemas"]["VehicleTextMessage"] | components["schemas"]["JobMessage"] | components["schemas"]["PlanMessage"] | components["schemas"]["PlanDeletedMessage"] | components["schemas"]["FlightMessage"] | components["schemas"]["UploadMessage"] | components["schemas"]["TrackMessage"] | components["schemas"]["EventMessage"] | components["schemas"]["ImageMessage"] | components["schemas"]["ReplanMessage"] | components["schemas"]["HeartbeatMessage"];
+        LiveMessage: components["schemas"]["SnapshotMessage"] | components["schemas"]["TelemetryMessage"] | components["schemas"]["LinkMessage"] | components["schemas"]["VehicleTextMessage"] | components["schemas"]["JobMessage"] | components["schemas"]["PlanMessage"] | components["schemas"]["PlanDeletedMessage"] | components["schemas"]["FlightMessage"] | components["schemas"]["UploadMessage"] | components["schemas"]["TrackMessage"] | components["schemas"]["EventMessage"] | components["schemas"]["ImageMessage"] | components["schemas"]["ReplanMessage"] | components["schemas"]["OfferMessage"] | components["schemas"]["HeartbeatMessage"];
         /**
          * MissionItemInfo
          * @description A mission item as it was read back.
@@ -1306,6 +1398,24 @@ export interface components {
                 number
             ];
         };
+        /**
+         * OfferMessage
+         * @description A plan for what was skipped is being made, is offered, was decided on or cannot be made.
+         */
+        OfferMessage: {
+            offer: components["schemas"]["PlanOfferInfo"];
+            /**
+             * @description discriminator enum property added by openapi-typescript
+             * @enum {string}
+             */
+            type: "offer";
+        };
+        /**
+         * OfferState
+         * @description Where an offered plan stands.
+         * @enum {string}
+         */
+        OfferState: "planning" | "offered" | "accepted" | "refused" | "failed" | "superseded";
         /**
          * OnVehicle
          * @description What the vehicle was last known to hold: read back from it, not what was sent.
@@ -1405,6 +1515,62 @@ export interface components {
              * @enum {string}
              */
             type: "plan";
+        };
+        /**
+         * PlanOfferInfo
+         * @description A plan from home through exactly the viewpoints that a flight skipped.
+         */
+        PlanOfferInfo: {
+            /** Created At */
+            created_at: string;
+            /** Decided At */
+            decided_at: string | null;
+            /** Duration S */
+            duration_s: number | null;
+            failure: components["schemas"]["Failure"] | null;
+            /** Flight Id */
+            flight_id: string;
+            /** Id */
+            id: string;
+            /** Length M */
+            length_m: number | null;
+            /** Names */
+            names: string[];
+            /**
+             * Plan Id
+             * @description The plan that it became, once it is accepted.
+             */
+            plan_id: string | null;
+            /** @description planning, offered, then accepted or refused by the operator; failed: there is none, see failure; superseded: more was skipped, and a newer offer took its place. */
+            state: components["schemas"]["OfferState"];
+            /**
+             * Viewpoints
+             * @description Ids in the plan that was flown.
+             */
+            viewpoints: number[];
+        };
+        /**
+         * PlanPieceInfo
+         * @description A piece of a plan that was not flown.
+         */
+        PlanPieceInfo: {
+            /** Duration S */
+            duration_s: number;
+            /**
+             * From S
+             * @description Plan time at its beginning.
+             */
+            from_s: number;
+            /** Length M */
+            length_m: number;
+            /** Path M */
+            path_m: [
+                number,
+                number,
+                number
+            ][];
+            /** To S */
+            to_s: number;
         };
         /**
          * PlanReport
@@ -1569,7 +1735,11 @@ export interface components {
              * @default
              */
             basis: string;
-            choice: components["schemas"]["FlightPath"];
+            /**
+             * Choice
+             * @enum {string}
+             */
+            choice: "mission" | "offboard";
             /** @description Flown by the autopilot alone. */
             mission: components["schemas"]["WayForecast"];
             /**
@@ -1793,38 +1963,60 @@ export interface components {
         };
         /**
          * ReplanInfo
-         * @description A detour that the vehicle reported.
+         * @description A departure from the plan that the vehicle reported, as a difference from the plan.
          */
         ReplanInfo: {
             /** Boot Id */
             boot_id: number;
+            /** @description known: it left the flight's plan, as earlier reports changed it; gap: a report before it is missing; unknown: it left a plan that the station does not have, so nothing is compared. */
+            chain: components["schemas"]["Chain"];
             /** Flight Id */
             flight_id: string;
+            /** Flown Duration S */
+            flown_duration_s: number | null;
+            /** Flown Length M */
+            flown_length_m: number;
             /** Id */
             id: number;
-            /** Left At S */
-            left_at_s: number;
             /**
-             * Matches Plan
-             * @description Whether it names the plan that this flight flies.
+             * Left At S
+             * @description Vehicle clock.
              */
-            matches_plan: boolean;
+            left_at_s: number;
+            /** @description Null when the plan is not known. */
+            left_out: components["schemas"]["PlanPieceInfo"] | null;
             /** Mission Item */
             mission_item: number;
             /** Number */
             number: number;
-            /** Path M */
+            obstacle: components["schemas"]["ReplanObstacleInfo"] | null;
+            /**
+             * Path M
+             * @description What was flown instead.
+             */
             path_m: [
                 number,
                 number,
                 number
             ][];
-            /** Reason */
+            /** Plan Hash */
+            plan_hash: string;
+            /** Plan Hash After */
+            plan_hash_after: string | null;
+            /**
+             * Reason
+             * @description In words.
+             */
             reason: string;
             /** Received At */
             received_at: string;
-            /** Rejoined At S */
-            rejoined_at_s: number;
+            /**
+             * Rejoined At S
+             * @description Null when the vehicle did not come back to the plan.
+             */
+            rejoined_at_s: number | null;
+            /** Viewpoints */
+            viewpoints: components["schemas"]["ViewpointFateInfo"][];
         };
         /**
          * ReplanMessage
@@ -1837,6 +2029,28 @@ export interface components {
              * @enum {string}
              */
             type: "replan";
+        };
+        /**
+         * ReplanObstacleInfo
+         * @description What was in the way, as the vehicle saw it: an upright cylinder.
+         */
+        ReplanObstacleInfo: {
+            /** Position M */
+            position_m: [
+                number,
+                number,
+                number
+            ];
+            /** Radius M */
+            radius_m: number;
+            /**
+             * Velocity M S
+             * @description East and north.
+             */
+            velocity_m_s: [
+                number,
+                number
+            ];
         };
         /**
          * SigningInfo
@@ -1865,6 +2079,11 @@ export interface components {
              * @description Signed, but no newer than one that was heard before.
              */
             repeated: number;
+            /**
+             * Rotated At
+             * @description When the key took the place of an older one; null while it is the first.
+             */
+            rotated_at?: string | null;
             /** Unsigned */
             unsigned: number;
             /** Wrong Key */
@@ -1966,6 +2185,11 @@ export interface components {
              * @description The vehicle's name or bare system id.
              */
             confirm: string;
+            /**
+             * Observer
+             * @description At a start: another vehicle, whose sightings of this one stand in for a lost position fix.
+             */
+            observer?: string | null;
         };
         /**
          * Status
@@ -2288,6 +2512,11 @@ export interface components {
              */
             name: string;
             position: components["schemas"]["Reading_GeoPosition_"] | null;
+            /**
+             * Position Source
+             * @description What stands in for its own position fix while that is lost; null while it has one.
+             */
+            position_source?: string | null;
             ready_to_arm: components["schemas"]["Reading_bool_"] | null;
             /**
              * Round Trip S
@@ -2344,6 +2573,35 @@ export interface components {
              */
             type: "message";
         };
+        /**
+         * ViewpointFateInfo
+         * @description A viewpoint that was not taken as planned.
+         */
+        ViewpointFateInfo: {
+            fate: components["schemas"]["ViewpointFateName"];
+            /**
+             * Name
+             * @description Null when the flight's plan has no such viewpoint.
+             */
+            name: string | null;
+            /**
+             * Position M
+             * @description Where the picture was taken from instead; null when it was skipped.
+             */
+            position_m: [
+                number,
+                number,
+                number
+            ] | null;
+            /** Viewpoint Id */
+            viewpoint_id: number;
+        };
+        /**
+         * ViewpointFateName
+         * @description What became of a viewpoint that a replanning report names.
+         * @enum {string}
+         */
+        ViewpointFateName: "skipped" | "moved";
         /**
          * ViewpointInfo
          * @description A place from which one picture is taken.
@@ -2464,6 +2722,8 @@ export interface components {
             peer: string;
             /** Round Trip S */
             round_trip_s: number | null;
+            /** @description Of its link; null when that is not signed. */
+            signing?: components["schemas"]["SigningInfo"] | null;
             /** Url */
             url: string;
             /**
@@ -2661,6 +2921,68 @@ export interface operations {
                 };
                 content: {
                     "application/json": components["schemas"]["FlightInfo"];
+                };
+            };
+            /** @description What went wrong. */
+            default: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+        };
+    };
+    listFlightOffers: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path: {
+                flight_id: string;
+            };
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["PlanOfferInfo"][];
+                };
+            };
+            /** @description What went wrong. */
+            default: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+        };
+    };
+    requestOffer: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path: {
+                flight_id: string;
+            };
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description Successful Response */
+            202: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["PlanOfferInfo"];
                 };
             };
             /** @description What went wrong. */
@@ -3257,6 +3579,68 @@ export interface operations {
             };
         };
     };
+    acceptOffer: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path: {
+                offer_id: string;
+            };
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["PlanOfferInfo"];
+                };
+            };
+            /** @description What went wrong. */
+            default: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+        };
+    };
+    refuseOffer: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path: {
+                offer_id: string;
+            };
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["PlanOfferInfo"];
+                };
+            };
+            /** @description What went wrong. */
+            default: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+        };
+    };
     listPlans: {
         parameters: {
             query?: never;
@@ -3448,6 +3832,38 @@ export interface operations {
             path: {
                 name: string;
                 plan_id: string;
+            };
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/octet-stream": string;
+                };
+            };
+            /** @description What went wrong. */
+            default: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+        };
+    };
+    getPlanFileByHash: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path: {
+                name: "plan.json" | "structure.ply";
+                plan_hash: string;
             };
             cookie?: never;
         };

@@ -1,4 +1,12 @@
-import { BufferAttribute, BufferGeometry, Points, PointsMaterial } from 'three';
+import {
+  BufferAttribute,
+  BufferGeometry,
+  CylinderGeometry,
+  Mesh,
+  MeshBasicMaterial,
+  Points,
+  PointsMaterial,
+} from 'three';
 
 import { label } from './label';
 import { Layer } from './layer';
@@ -36,12 +44,18 @@ export class FlownLayer extends Layer {
   }
 }
 
+/** A departure from the plan as it is drawn. */
 export interface Detour {
   number: number;
   path_m: readonly Point3[];
+  left_out: { path_m: readonly Point3[] } | null;
+  obstacle: { position_m: Point3; radius_m: number } | null;
 }
 
-/** Pieces that the vehicle reported to have flown instead of the planned ones. */
+/** The vehicle tells a place and a radius of an obstacle, and no height: so much is drawn of it. */
+const OBSTACLE_HEIGHT_M = 4;
+
+/** Pieces that the vehicle reported to have flown instead of the planned ones, and what was in the way. */
 export class DetourLayer extends Layer {
   constructor() {
     super('detours');
@@ -50,6 +64,9 @@ export class DetourLayer extends Layer {
   show(detours: readonly Detour[]): void {
     this.clear();
     for (const detour of detours) {
+      const leftOut = thickLine(detour.left_out?.path_m ?? [], palette.leftOut, 5, 0.9);
+      if (leftOut) this.group.add(leftOut);
+      if (detour.obstacle) this.group.add(cylinder(detour.obstacle));
       const line = thickLine(detour.path_m, palette.detour, 5, 0.9);
       const middle = detour.path_m[Math.floor(detour.path_m.length / 2)];
       if (!line || !middle) continue;
@@ -58,4 +75,14 @@ export class DetourLayer extends Layer {
       this.group.add(line, name);
     }
   }
+}
+
+function cylinder(obstacle: NonNullable<Detour['obstacle']>): Mesh {
+  const geometry = new CylinderGeometry(obstacle.radius_m, obstacle.radius_m, OBSTACLE_HEIGHT_M, 24);
+  geometry.rotateX(Math.PI / 2); // upright where z is up
+  const material = new MeshBasicMaterial({ color: palette.obstacle, transparent: true, opacity: 0.55 });
+  const mesh = new Mesh(geometry, material);
+  const [x = 0, y = 0, z = 0] = obstacle.position_m;
+  mesh.position.set(x, y, z);
+  return mesh;
 }

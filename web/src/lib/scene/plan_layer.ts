@@ -53,17 +53,23 @@ export class ViewpointLayer extends Layer {
         this.group.add(name);
       }
     }
-    this.mark(new Set(), null);
+    this.mark(new Set(), new Set(), null);
   }
 
-  /** Colour the viewpoints whose picture is on disk, and the selected one. */
-  mark(photographed: ReadonlySet<number>, selected: number | null): void {
+  /** Colour the viewpoints whose picture is on disk, those that the vehicle skipped, and the selected one. */
+  mark(photographed: ReadonlySet<number>, skipped: ReadonlySet<number>, selected: number | null): void {
     const colors = this.colors;
     if (!colors) return;
     this.viewpoints.forEach((viewpoint, i) => {
       const { id } = viewpoint;
       const color = new Color(
-        id === selected ? palette.selected : photographed.has(id) ? palette.photographed : palette.viewpoint,
+        id === selected
+          ? palette.selected
+          : photographed.has(id)
+            ? palette.photographed
+            : skipped.has(id)
+              ? palette.skipped
+              : palette.viewpoint,
       );
       for (let k = 0; k < VERTICES_A_FRUSTUM; k += 1) {
         colors.setXYZ(i * VERTICES_A_FRUSTUM + k, color.r, color.g, color.b);

@@ -65,8 +65,8 @@ export class World {
     this.fit();
   }
 
-  markViewpoints(photographed: ReadonlySet<number>, selected: number | null): void {
-    this.layers.viewpoints.mark(photographed, selected);
+  markViewpoints(photographed: ReadonlySet<number>, skipped: ReadonlySet<number>, selected: number | null): void {
+    this.layers.viewpoints.mark(photographed, skipped, selected);
     this.view.requestDraw();
   }
 

@@ -1,5 +1,5 @@
 /** What a station may tell, for tests. */
-import type { FlightInfo, ImageInfo, PlanSummary, ReplanInfo, Snapshot, TrackSample, VehicleInfo } from '../api/types';
+import type { FlightInfo, ImageInfo, PlanOfferInfo, PlanSummary, ReplanInfo, Snapshot, TrackSample, VehicleInfo } from '../api/types';
 
 const AT = '2026-11-22T10:00:00Z';
 
@@ -39,7 +39,15 @@ export function image(changes: Partial<ImageInfo> = {}): ImageInfo {
 export function replan(changes: Partial<ReplanInfo> = {}): ReplanInfo {
   return {
     id: 1, flight_id: 'f1', boot_id: 1, number: 1, received_at: AT, reason: '', mission_item: 0, left_at_s: 0,
-    rejoined_at_s: 1, path_m: [], matches_plan: true, ...changes,
+    rejoined_at_s: 1, plan_hash: '', plan_hash_after: null, chain: 'known', left_out: null, path_m: [], flown_length_m: 0,
+    flown_duration_s: 1, obstacle: null, viewpoints: [], ...changes,
+  };
+}
+
+export function offer(changes: Partial<PlanOfferInfo> = {}): PlanOfferInfo {
+  return {
+    id: 'o1', flight_id: 'f1', state: 'planning', created_at: AT, viewpoints: [1], names: ['V'], length_m: null,
+    duration_s: null, decided_at: null, plan_id: null, failure: null, ...changes,
   };
 }
 

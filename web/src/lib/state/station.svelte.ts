@@ -8,6 +8,7 @@ import type {
   LiveMessage,
   OnVehicle,
   PlanAccepted,
+  PlanOfferInfo,
   ReplanInfo,
   Track,
 } from '../api/types';
@@ -72,14 +73,15 @@ export class Station {
     this.followed = flightId;
     if (flightId === null) return;
     try {
-      const [track, events, images, replans, onVehicle] = await Promise.all([
+      const [track, events, images, replans, offers, onVehicle] = await Promise.all([
         get<Track>(`/flights/${flightId}/track`),
         get<FlightEvent[]>(`/flights/${flightId}/events`),
         get<ImageInfo[]>(`/flights/${flightId}/images`),
         get<ReplanInfo[]>(`/flights/${flightId}/replans`),
+        get<PlanOfferInfo[]>(`/flights/${flightId}/offers`),
         get<OnVehicle>(`/flights/${flightId}/on-vehicle`),
       ]);
-      this.state = withRecords(this.state, flightId, { track: track.points, images, replans, onVehicle });
+      this.state = withRecords(this.state, flightId, { track: track.points, images, replans, offers, onVehicle });
       this.state = withLog(this.state, events.map(eventLine));
     } catch (error) {
       this.note(4, `The records of the flight could not be read: ${describe(error)}`);
@@ -111,6 +113,16 @@ export class Station {
     return plan.id;
   }
 
+  /** Accept or refuse a plan that was offered for what was skipped. */
+  async decide(offer: PlanOfferInfo, decision: 'accept' | 'refuse'): Promise<PlanOfferInfo> {
+    return this.takeOffer(await post<PlanOfferInfo>(`/offers/${offer.id}/${decision}`));
+  }
+
+  /** Ask for a plan for what a flight skipped. */
+  async askForOffer(flightId: string): Promise<PlanOfferInfo> {
+    return this.takeOffer(await post<PlanOfferInfo>(`/flights/${flightId}/offers`));
+  }
+
   async openLink(url: string): Promise<void> {
     const link = await post<LinkInfo>('/links', { url });
     this.state = { ...this.state, links: withLink(this.state.links, link) };
@@ -131,6 +143,11 @@ export class Station {
     this.noticeNumber += 1;
     const line = { key: `note ${this.noticeNumber}`, at: new Date().toISOString(), severity, source: 'dashboard', text };
     this.state = withLog(this.state, [line]);
+  }
+
+  private takeOffer(offer: PlanOfferInfo): PlanOfferInfo {
+    this.state = withRecords(this.state, offer.flight_id, { offers: [offer] });
+    return offer;
   }
 
   private take(message: LiveMessage): void {

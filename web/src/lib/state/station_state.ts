@@ -5,6 +5,7 @@ import type {
   LinkInfo,
   LiveMessage,
   OnVehicle,
+  PlanOfferInfo,
   PlanSummary,
   ReplanInfo,
   Snapshot,
@@ -42,6 +43,8 @@ export interface FlightRecords {
   track: readonly TrackSample[];
   images: readonly ImageInfo[];
   replans: readonly ReplanInfo[];
+  /** Plans that were offered for what was skipped, newest first. */
+  offers: readonly PlanOfferInfo[];
   /** Null until it was asked for. */
   onVehicle: OnVehicle | null;
 }
@@ -67,7 +70,7 @@ export const NOTHING_KNOWN: StationState = {
   log: [],
 };
 
-export const NO_RECORDS: FlightRecords = { track: [], images: [], replans: [], onVehicle: null };
+export const NO_RECORDS: FlightRecords = { track: [], images: [], replans: [], offers: [], onVehicle: null };
 
 /**
  * The state after a message of the live stream.
@@ -102,6 +105,8 @@ export function applyLive(state: StationState, message: LiveMessage, nowMs: numb
       return withRecords(state, message.image.flight_id, { images: [message.image] });
     case 'replan':
       return withRecords(state, message.replan.flight_id, { replans: [message.replan] });
+    case 'offer':
+      return withRecords(state, message.offer.flight_id, { offers: [message.offer] });
     case 'heartbeat':
       return state;
   }
@@ -116,6 +121,7 @@ export function withRecords(state: StationState, flightId: string, more: Partial
       ? union(old.images, more.images, (i) => i.id, ascending((i) => i.announced_at))
       : old.images,
     replans: more.replans ? union(old.replans, more.replans, (r) => r.id, descending((r) => r.id)) : old.replans,
+    offers: more.offers ? union(old.offers, more.offers, (o) => o.id, descending((o) => `${o.created_at} ${o.id}`)) : old.offers,
     onVehicle: more.onVehicle ?? old.onVehicle,
   };
   return { ...state, records: { ...state.records, [flightId]: records } };
