@@ -107,7 +107,11 @@ def verify(out: Path, points: Path | None) -> None:
 @cli.command()
 @click.argument("out", type=click.Path(path_type=Path))
 @connect_option
-@click.option("--mode", type=click.Choice(["mission", "offboard"]), help="[default: what the prediction of both says]")
+@click.option(
+    "--mode",
+    type=click.Choice(["mission", "offboard", "companion"]),
+    help="[default: what the prediction of both says]",
+)
 @click.option("--yes", "vehicle_name", metavar="VEHICLE", help="Confirm for the vehicle of this name, without asking.")
 @click.option(
     "--accept",
@@ -117,6 +121,7 @@ def verify(out: Path, points: Path | None) -> None:
 )
 @click.option("--sortie", type=click.IntRange(min=1), help="Of a plan of several. [default: the first not done yet]")
 @click.option("--rest", is_flag=True, help="Only viewpoints without a picture from earlier flights.")
+@click.option("--observer", metavar="NAME", help="Vehicle whose sightings stand in for a lost position fix.")
 @data_option
 @json_option
 def fly(
@@ -127,6 +132,7 @@ def fly(
     accept: tuple[str, ...],
     sortie: int | None,
     rest: bool,
+    observer: str | None,
     data_dir: Path | None,
     as_json: bool,
 ) -> None:
@@ -151,6 +157,7 @@ def fly(
             say=say,
             sortie=sortie,
             rest=rest,
+            observer=observer,
         )
     )
     if as_json:
@@ -164,12 +171,13 @@ def fly(
 @cli.command()
 @click.argument("out", type=click.Path(path_type=Path))
 @connect_option
+@data_option
 @json_option
-def upload(out: Path, url: str, as_json: bool) -> None:
+def upload(out: Path, url: str, data_dir: Path | None, as_json: bool) -> None:
     """Put the mission of the plan in OUT, its fence and rally points on the vehicle, and prove that they are there."""
     from gcs.services.transfer_commands import upload_plan
 
-    proof = _run(upload_plan(out, url, lambda line: click.echo(line, err=True)))
+    proof = _run(upload_plan(out, url, lambda line: click.echo(line, err=True), data_dir))
     if as_json:
         click.echo(json.dumps(proof))
     else:
@@ -181,15 +189,16 @@ def upload(out: Path, url: str, as_json: bool) -> None:
 @cli.command()
 @connect_option
 @click.option("-o", "--out", type=click.Path(path_type=Path, dir_okay=False), help="Write a .waypoints file.")
+@data_option
 @json_option
-def download(url: str, out: Path | None, as_json: bool) -> None:
+def download(url: str, out: Path | None, data_dir: Path | None, as_json: bool) -> None:
     """Read the mission that the vehicle holds."""
     from gcs.services.transfer_commands import download_mission
     from gcs.storage.atomic_files import write_file
 
     if out is not None and not out.absolute().parent.is_dir():
         raise InputError("there is no such folder", field=str(out.parent))
-    text, items = _run(download_mission(url))
+    text, items = _run(download_mission(url, data_dir))
     if out is not None:
         write_file(out, text.encode())
         click.echo(f"{len(items)} items written to {out}")
@@ -200,6 +209,22 @@ def download(url: str, out: Path | None, as_json: bool) -> None:
 
 
 vehicle_option = click.option("--vehicle", required=True, metavar="NAME", help="The vehicle's name, such as px4-1.")
+
+
+@cli.command()
+@connect_option
+@vehicle_option
+@click.option("--fence", "what", flag_value="fence", help="Its fence, instead of its mission.")
+@click.option("--rally", "what", flag_value="rally", help="Its rally points, instead of its mission.")
+@data_option
+def clear(url: str, vehicle: str, what: str | None, data_dir: Path | None) -> None:
+    """Have a disarmed vehicle forget its mission, and read that nothing is left of it."""
+    from gcs.mavlink.mission_protocol import MissionType
+    from gcs.services.transfer_commands import clear_list
+
+    mission_type = MissionType[(what or "mission").upper()]
+    _run(clear_list(url, vehicle, mission_type, data_dir))
+    click.echo(f"{vehicle} holds no {mission_type.noun} any more")
 
 
 @cli.group()
@@ -237,11 +262,23 @@ def remove_signing(url: str, vehicle: str, data_dir: Path | None) -> None:
     click.echo(f"{vehicle} has no key any more, and takes unsigned packets")
 
 
+@signing.command("share")
+@connect_option
+@click.option("--with", "other_url", required=True, metavar="URL", help="The second link to the same vehicle.")
+@data_option
+def share_signing(url: str, other_url: str, data_dir: Path | None) -> None:
+    """Sign a second link with the key of one: a vehicle's key holds for all its links."""
+    from gcs.services.signing_commands import share_key
+
+    share_key(url, other_url, data_dir)
+    click.echo(f"{other_url} is signed with the key of {url} when it is opened next")
+
+
 @signing.command("list")
 @data_option
 def list_signing(data_dir: Path | None) -> None:
     """List the links that are signed."""
-    from gcs.services.signing_commands import key_store
+    from gcs.services.link_signing import key_store
 
     for url in key_store(data_dir).urls():
         click.echo(url)
@@ -255,6 +292,8 @@ def list_signing(data_dir: Path | None) -> None:
 @click.option("--replan", is_flag=True, help="Leave the path once and report the detour.")
 @click.option("--scene", type=click.Path(path_type=Path), help="Plan folder: stand at its home, see its structure.")
 @click.option("--seed", type=int, default=0, show_default=True)
+@click.option("--obstacles", type=click.Path(path_type=Path), help="JSON file of obstacles that no plan knows.")
+@click.option("--companion", type=int, metavar="PORT", help="UDP port of the first vehicle's companion; + 1 each.")
 @click.argument("extra", nargs=-1, type=click.UNPROCESSED)
 def simulate(
     autopilot: str,
@@ -264,6 +303,8 @@ def simulate(
     replan: bool,
     scene: Path | None,
     seed: int,
+    obstacles: Path | None,
+    companion: int | None,
     extra: tuple[str, ...],
 ) -> None:
     """Start simulated vehicles; runs until interrupted. Arguments after `--` go to the simulator as they are."""
@@ -271,7 +312,15 @@ def simulate(
     from gcs.services.simulation_scene import scene_options
 
     options = SimulatorOptions(
-        autopilot=autopilot, count=count, speedup=speedup, port=port, replan=replan, seed=seed, extra=extra
+        autopilot=autopilot,
+        count=count,
+        speedup=speedup,
+        port=port,
+        replan=replan,
+        seed=seed,
+        obstacles=obstacles,
+        companion=companion,
+        extra=extra,
     )
     with scene_options(options, scene) as placed:
         run_simulator(placed)
@@ -305,6 +354,54 @@ def inspect_mesh(file: Path) -> None:
 
     for line in report(file).lines():
         click.echo(line)
+
+
+@cli.command()
+@connect_option
+@click.option("--station", metavar="URL", help="Of the station that has the plans, such as http://127.0.0.1:8080.")
+@click.option(
+    "--token-file",
+    type=click.Path(path_type=Path, dir_okay=False),
+    help="Holds the station's session token. [default: that of this machine's data directory]",
+)
+@click.option(
+    "--keep",
+    type=click.Path(path_type=Path, file_okay=False),
+    help="Where plans and undelivered reports are kept. [default: `companion` in the data directory]",
+)
+@click.option(
+    "--plan", "plans", multiple=True, type=click.Path(path_type=Path), help="A plan's folder, to be kept (repeatable)."
+)
+@click.option("--rate", type=click.FloatRange(20, 50), default=50.0, show_default=True, help="Setpoints per second.")
+@click.option("--slab", type=click.FloatRange(0.1, 5), default=0.5, show_default=True, help="Lidar's half height, m.")
+@click.option("--no-lidar", is_flag=True, help="Fly without scans: nothing is evaded.")
+def companion(
+    url: str,
+    station: str | None,
+    token_file: Path | None,
+    keep: Path | None,
+    plans: tuple[Path, ...],
+    rate: float,
+    slab: float,
+    no_lidar: bool,
+) -> None:
+    """Run beside an autopilot: fly plans by lease, evade what is not in them, and report; until interrupted."""
+    from contextlib import suppress
+
+    from gcs.services.companion.core import CompanionOptions
+    from gcs.services.companion.process import run_companion
+
+    running = run_companion(
+        url,
+        station=station,
+        token_file=token_file,
+        keep=keep,
+        plans=plans,
+        options=CompanionOptions(stream_hz=rate, needs_lidar=not no_lidar, slab_half_m=slab),
+        say=click.echo,
+    )
+    with suppress(KeyboardInterrupt):
+        _run(running)
 
 
 @cli.command()

@@ -382,7 +382,7 @@ def test_a_download_goes_nowhere_that_is_not_there(gcs, tmp_path):
 
 
 def test_a_download_is_shown_or_written(gcs, tmp_path, monkeypatch):
-    async def held(url):
+    async def held(url, data_dir):
         return "QGC WPL 110\n", [{"sequence": 0}]
 
     monkeypatch.setattr(transfer_commands, "download_mission", held)
@@ -390,6 +390,23 @@ def test_a_download_is_shown_or_written(gcs, tmp_path, monkeypatch):
     assert json.loads(gcs("download", "--connect", "x", "--json").out) == [{"sequence": 0}]
     assert "1 items" in gcs("download", "--connect", "x", "-o", tmp_path / "m.waypoints").out
     assert (tmp_path / "m.waypoints").read_text() == "QGC WPL 110\n"
+
+
+@pytest.mark.parametrize(
+    ("option", "noun"), [((), "mission"), (("--fence",), "fence"), (("--rally",), "list of rally")]
+)
+def test_a_list_is_cleared_on_the_vehicle_that_is_named(gcs, monkeypatch, tmp_path, option, noun):
+    cleared = []
+
+    async def clear(*arguments):
+        cleared.append(arguments)
+
+    monkeypatch.setattr(transfer_commands, "clear_list", clear)
+    said = gcs("clear", "--connect", "x", "--vehicle", "px4-1", "--data", tmp_path, *option)
+    assert said.out.startswith(f"px4-1 holds no {noun}")
+    [(url, vehicle, mission_type, data)] = cleared
+    assert (url, vehicle, mission_type.noun[: len(noun)], data) == ("x", "px4-1", noun, tmp_path)
+    is_one_line(gcs("clear", "--connect", "x"), 2, "--vehicle")
 
 
 def outcome(**changed):
@@ -409,7 +426,7 @@ def outcome(**changed):
     ],
 )
 def test_a_flights_summary_is_the_last_line_whatever_came_of_it(gcs, monkeypatch, flown, status):
-    async def fly(out, url, *, mode, confirm, accept, data_dir, say, sortie, rest):
+    async def fly(out, url, *, mode, confirm, accept, data_dir, say, sortie, rest, observer):
         assert (mode, accept, await confirm("px4-1")) == ("offboard", ("NAV_DLL_ACT",), "px4-1")
         say("flying")
         return flown

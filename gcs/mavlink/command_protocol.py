@@ -27,6 +27,8 @@ RESULT_WORDS = {
 """MAV_RESULT in words; the bundled dialect lacks the names of some."""
 Target = tuple[int, int]
 """System and component id."""
+OnProgress = Callable[[float | None], None]
+"""Told that a command is in progress, with the share that is done; None where the vehicle does not tell it."""
 
 
 def command_name(command: int) -> str:
@@ -126,7 +128,7 @@ class CommandExchange(_Acknowledged):
     Cancelling one that is in progress sends COMMAND_CANCEL; the vehicle need not know that message.
 
     Args:
-        on_progress: told the share that is done, each time the vehicle tells one.
+        on_progress: told each time the vehicle says that it is in progress.
     """
 
     def __init__(
@@ -138,7 +140,7 @@ class CommandExchange(_Acknowledged):
         send: Send,
         clock: Clock,
         permit: Callable[[], None] | None = None,
-        on_progress: Callable[[float], None] | None = None,
+        on_progress: OnProgress | None = None,
     ) -> None:
         super().__init__(call, target=target, sender=sender, send=send, clock=clock, permit=permit)
         self._on_progress = on_progress
@@ -179,9 +181,8 @@ class CommandExchange(_Acknowledged):
 
     def _take_progress(self, percent: int) -> None:
         """255 is "not known"; 0 is also what vehicles send that do not know the field."""
-        if not 0 < percent <= 100:
-            return
-        self._share = percent / 100
+        if 0 < percent <= 100:
+            self._share = percent / 100
         if self._on_progress is not None:
             try:
                 self._on_progress(self._share)

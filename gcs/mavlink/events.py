@@ -10,7 +10,9 @@ from dataclasses import dataclass
 from enum import Enum
 from typing import Generic, TypeAlias, TypeVar
 
-from gcs.core.vehicle import FlightMode, ImageReport, ReplanReport, StatusText, Telemetry
+from gcs.core.replanning import ReplanReport
+from gcs.core.vehicle import FlightMode, ImageReport, StatusText, Telemetry
+from gcs.mavlink.mission_protocol import MissionType
 
 
 @dataclass(frozen=True)
@@ -75,6 +77,26 @@ class ItemReachedEvent:
 
 
 @dataclass(frozen=True)
+class CommandProgressEvent:
+    """The vehicle is still carrying out a command of the station.
+
+    Attributes:
+        command: its name.
+        share: that is done, 0 to 1; None when the vehicle does not tell.
+    """
+
+    command: str
+    share: float | None
+
+
+@dataclass(frozen=True)
+class ListChangedEvent:
+    """Somebody else changed one of its lists after the station had proved or read it: what it holds is unknown now."""
+
+    mission_type: MissionType
+
+
+@dataclass(frozen=True)
 class LinkLostEvent:
     """No heartbeat for longer than the time limit; values from before keep their time stamps."""
 
@@ -133,6 +155,8 @@ VehicleEvent: TypeAlias = (
     | ImageEvent
     | ReplanEvent
     | ItemReachedEvent
+    | CommandProgressEvent
+    | ListChangedEvent
     | LinkLostEvent
     | LinkBackEvent
     | IdClashEvent

@@ -8,7 +8,7 @@ from typing import Protocol
 from gcs.core.errors import LinkError, RefusedError
 from gcs.core.vehicle import Autopilot, MissionState, Telemetry
 from gcs.mavlink.autopilots.base import CommandCall, FlightStack
-from gcs.mavlink.command_protocol import CommandExchange, ModeSwitch, NoAnswerError
+from gcs.mavlink.command_protocol import CommandExchange, ModeSwitch, NoAnswerError, OnProgress
 from gcs.mavlink.dialect import Message, mavlink
 from gcs.mavlink.mode_guard import ModeGuard
 from gcs.mavlink.transaction import Clock, Send, Transaction
@@ -93,6 +93,7 @@ class FlightCommands:
         channel: to it.
         guard: knows whether the station may command it, and is told of every mode command.
         permit: raises when another sequence has taken over from this one.
+        progress_of: makes who is told of the progress of a command; nobody by default.
     """
 
     def __init__(
@@ -102,8 +103,10 @@ class FlightCommands:
         channel: VehicleChannel,
         guard: ModeGuard,
         permit: Callable[[], None],
+        progress_of: Callable[[CommandCall], OnProgress] | None = None,
     ) -> None:
         self._vehicle = vehicle
+        self._progress_of = progress_of
         self._stack = stack
         self._channel = channel
         self._guard = guard
@@ -169,6 +172,7 @@ class FlightCommands:
             send=self._send,
             clock=self._clock,
             permit=self._permit,
+            on_progress=None if self._progress_of is None else self._progress_of(call),
         )
         try:
             await self._channel.run(exchange)

@@ -14,9 +14,9 @@ import fastcrc
 from gcs.mavlink.dialect import Message, mavlink
 from gcs.mavlink.received_message import (
     CHECKSUM,
-    CHECKSUM_EXTRAS,
     HEADER_V1,
     HEADER_V2,
+    LAYOUTS,
     MARKER_V1,
     MARKER_V2,
     SIGNATURE,
@@ -68,6 +68,23 @@ class FrameParser:
         self._rest = data[start:]
         return messages
 
+    def feed_datagram(self, data: bytes) -> list[ReceivedMessage]:
+        """Take a datagram: like `feed`, but one that begins with a frame shows that what is left of the last was none.
+
+        What was left may be a frame that was cut, or a false marker with frames behind it. Bridges that cut a serial
+        stream at will go on with it instead.
+        """
+        hidden = self._give_up_rest() if self._rest and _begins_with_frame(data) else []
+        return hidden + self.feed(data)
+
+    def _give_up_rest(self) -> list[ReceivedMessage]:
+        hidden: list[ReceivedMessage] = []
+        while self._rest:
+            behind, self._rest = self._rest[1:], b""
+            self.bad_bytes += 1
+            hidden += self.feed(behind)
+        return hidden
+
     def _next_marker(self, data: bytes, start: int) -> int:
         found = _MARKERS.search(data, start)
         position = len(data) if found is None else found.start()
@@ -89,6 +106,13 @@ def _frame_length(data: bytes, start: int) -> int | None:
     return data[start + 1] + HEADER_V2 + CHECKSUM + (SIGNATURE if data[start + 2] & SIGNED else 0)
 
 
+def _begins_with_frame(data: bytes) -> bool:
+    if not data or data[0] not in (MARKER_V2, MARKER_V1):
+        return False
+    length = _frame_length(data, 0)
+    return length is not None and length <= len(data) and _message(data[:length]) is not None
+
+
 def _message(frame: bytes) -> ReceivedMessage | None:
     """The message of a frame; None when the dialect lacks it, its checksum is wrong, or it asks for what is unknown."""
     end = frame[1]
@@ -101,16 +125,16 @@ def _message(frame: bytes) -> ReceivedMessage | None:
     else:
         end += HEADER_V1
         sequence, system_id, component_id, number = frame[2], frame[3], frame[4], frame[5]
-    extra = CHECKSUM_EXTRAS.get(number)
-    if extra is None or _checksum(frame[1:end] + extra) != frame[end] | frame[end + 1] << 8:
+    layout = LAYOUTS.get(number)
+    if layout is None or _checksum(frame[1:end] + layout.checksum_extra) != frame[end] | frame[end + 1] << 8:
         return None
-    return ReceivedMessage(frame, number, sequence, system_id, component_id)
+    return ReceivedMessage(frame, number, layout, sequence, system_id, component_id)
 
 
 def _is_unknown(frame: bytes) -> bool:
     if frame[0] == MARKER_V1:
-        return frame[5] not in CHECKSUM_EXTRAS
-    return not frame[2] & ~SIGNED and frame[7] | frame[8] << 8 | frame[9] << 16 not in CHECKSUM_EXTRAS
+        return frame[5] not in LAYOUTS
+    return not frame[2] & ~SIGNED and frame[7] | frame[8] << 8 | frame[9] << 16 not in LAYOUTS
 
 
 class FramePacker:

@@ -4,15 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from gcs.core.errors import NotFoundError, OperationCancelled, RefusedError
+from gcs.core.errors import OperationCancelled
 from gcs.mavlink.ftp_protocol import (
     DirectoryEntry,
     FtpError,
     FtpPayload,
     Opcode,
     SequenceNumbers,
-    encode_path,
-    error_words,
     parse_listing,
 )
 from gcs.mavlink.ftp_transaction import FtpTransaction
@@ -63,9 +61,7 @@ class ListDirectory(FtpTransaction[DirectoryListing]):
         sequence: SequenceNumbers | None = None,
         own_system: int | None = None,
     ) -> None:
-        super().__init__(target_system, target_component, send, clock, sequence=sequence, own_system=own_system)
-        self._path = path
-        self._raw_path = encode_path(path)
+        super().__init__(path, target_system, target_component, send, clock, sequence=sequence, own_system=own_system)
         self._offset = 0
         self._entries: dict[str, DirectoryEntry] = {}
         self._dropped: list[str] = []
@@ -83,10 +79,8 @@ class ListDirectory(FtpTransaction[DirectoryListing]):
         error = answer.error
         if error is FtpError.END_OF_FILE:
             self._finish()
-        elif error is FtpError.FILE_NOT_FOUND:
-            self._fail_with(NotFoundError("the vehicle has no such folder", field=self._path))
         elif error is not None:
-            self._fail_with(RefusedError(f"the vehicle does not list it: {error_words(error)}", field=self._path))
+            self._fail_with(self._refusal(error, "list", "folder"))
         else:
             count, entries, dropped = parse_listing(answer.data)
             for entry in entries:

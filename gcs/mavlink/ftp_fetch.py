@@ -11,18 +11,10 @@ from __future__ import annotations
 
 import struct
 import zlib
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from enum import Enum
 
-from gcs.core.errors import (
-    ConflictError,
-    GcsError,
-    IncompleteError,
-    LinkError,
-    NotFoundError,
-    OperationCancelled,
-    RefusedError,
-)
+from gcs.core.errors import GcsError, IncompleteError, LinkError, OperationCancelled, RefusedError
 from gcs.mavlink.byte_gaps import ByteGaps
 from gcs.mavlink.ftp_protocol import (
     CHUNK,
@@ -32,10 +24,8 @@ from gcs.mavlink.ftp_protocol import (
     Opcode,
     SequenceNumbers,
     checksum_agrees,
-    encode_path,
-    error_words,
-    ftp_message,
 )
+from gcs.mavlink.ftp_requests import RequestsUnderWay
 from gcs.mavlink.ftp_transaction import TRIES, TRIES_FIRST, FtpTransaction
 from gcs.mavlink.transaction import Clock, Send
 
@@ -109,13 +99,6 @@ class FetchStep(Enum):
     DONE = "finished"
 
 
-@dataclass(frozen=True)
-class _Read:
-    request: FtpPayload
-    sent_at: float
-    tries: int = 0
-
-
 class FetchFile(FtpTransaction[FetchedFile]):
     """Read a file.
 
@@ -156,9 +139,7 @@ class FetchFile(FtpTransaction[FetchedFile]):
         made_up: bool = False,
         on_progress: OnBytes | None = None,
     ) -> None:
-        super().__init__(target_system, target_component, send, clock, sequence=sequence, own_system=own_system)
-        self._path = path
-        self._raw_path = encode_path(path)
+        super().__init__(path, target_system, target_component, send, clock, sequence=sequence, own_system=own_system)
         self._max_bytes = max_bytes
         self._resume = resume
         self._made_up = made_up
@@ -171,7 +152,7 @@ class FetchFile(FtpTransaction[FetchedFile]):
         self._buffer = bytearray()
         self._gaps = ByteGaps([])
         self._shrunk = False
-        self._reads: dict[int, _Read] = {}
+        self._reads = RequestsUnderWay(self._put_beside, clock, self._round_trip)
         self._burst: FtpPayload | None = None
         self._burst_heard_at = 0.0
         self._burst_end = 0
@@ -198,10 +179,9 @@ class FetchFile(FtpTransaction[FetchedFile]):
         """Clock time at which `on_time` wants to be called next."""
         if self._step is not FetchStep.READ:
             return super().deadline
-        times = [read.sent_at + self._round_trip.timeout_s(read.tries) for read in self._reads.values()]
-        if self._burst is not None:
-            times.append(self._burst_heard_at + self._round_trip.timeout_s())
-        return min(times, default=self._clock())
+        if self._burst is None:
+            return self._reads.deadline
+        return min(self._reads.deadline, self._burst_heard_at + self._round_trip.timeout_s())
 
     def start(self) -> None:
         """Open the file."""
@@ -220,10 +200,8 @@ class FetchFile(FtpTransaction[FetchedFile]):
             return
         if self._burst is not None and now >= self._burst_heard_at + self._round_trip.timeout_s():
             self._burst = None
-        for sequence, read in list(self._reads.items()):
-            if now >= read.sent_at + self._round_trip.timeout_s(read.tries):
-                self._reads[sequence] = replace(read, sent_at=now, tries=read.tries + 1)
-                self._send(ftp_message(read.request, *self._target))
+        for read in self._reads.due():
+            self._reads.send_again(read)
         self._pump()
 
     def cancel(self) -> None:
@@ -256,9 +234,9 @@ class FetchFile(FtpTransaction[FetchedFile]):
         if payload.request == Opcode.BURST_READ_FILE:
             self._on_burst(payload)
         elif payload.request == Opcode.READ_FILE:
-            read = self._reads.pop((payload.sequence - 1) % (1 << 16), None)
+            read = self._reads.answered(payload)
             if read is not None:
-                self._on_read(read, payload)
+                self._on_read(read.request, payload)
 
     def _open(self) -> None:
         self._step = FetchStep.OPEN
@@ -272,12 +250,8 @@ class FetchFile(FtpTransaction[FetchedFile]):
             # A fetch that was killed leaves its session open: vehicles have one or few.
             self._was_reset = True
             self._ask(Opcode.RESET_SESSIONS)
-        elif error is FtpError.NO_SESSIONS_AVAILABLE:
-            self._end(ConflictError("the vehicle serves files to somebody else; try again later", field=self._path))
-        elif error is FtpError.FILE_NOT_FOUND:
-            self._end(NotFoundError("the vehicle has no such file", field=self._path))
         elif error is not None:
-            self._end(RefusedError(f"the vehicle does not open it: {error_words(error)}", field=self._path))
+            self._end(self._refusal(error, "open"))
         elif len(answer.data) < 4:
             self._end(RefusedError("the vehicle opened it without telling its size", field=self._path))
         else:
@@ -332,17 +306,15 @@ class FetchFile(FtpTransaction[FetchedFile]):
         self._burst_works = self._burst_gave and ended
         self._burst = None
 
-    def _on_read(self, read: _Read, payload: FtpPayload) -> None:
+    def _on_read(self, request: FtpPayload, payload: FtpPayload) -> None:
         error = payload.error
-        if read.tries == 0:
-            self._round_trip.measured(self._clock() - read.sent_at)
         if error in _LOST_SESSION:
             self._reopen()
             return
         if error is FtpError.END_OF_FILE or (error is None and not payload.data):
-            self._cut(read.request.offset)
+            self._cut(request.offset)
         elif error is not None:
-            self._end(RefusedError(f"the vehicle does not read it: {error_words(error)}", field=self._path))
+            self._end(self._refusal(error, "read"))
             return
         else:
             self._take(payload)
@@ -384,7 +356,7 @@ class FetchFile(FtpTransaction[FetchedFile]):
             if large is not None:
                 self._start_burst(large)
         limit = len(self._buffer) if self._burst is None else self._burst_end - _REORDERED
-        asked = {read.request.offset for read in self._reads.values()}
+        asked = self._reads.offsets
         for start, end in self._gaps:
             for offset in range(start, min(end, limit), CHUNK):
                 if len(self._reads) >= self._most_reads:
@@ -395,13 +367,11 @@ class FetchFile(FtpTransaction[FetchedFile]):
     def _start_burst(self, offset: int) -> None:
         self._burst = FtpPayload(self._sequence.next(), Opcode.BURST_READ_FILE, self._session, CHUNK, offset=offset)
         self._burst_heard_at, self._burst_end, self._burst_gave = self._clock(), offset, False
-        self._send(ftp_message(self._burst, *self._target))
+        self._put_beside(self._burst)
 
     def _start_read(self, offset: int) -> None:
         # Always a whole chunk, also for less: some servers allow one size a session.
-        request = FtpPayload(self._sequence.next(), Opcode.READ_FILE, self._session, CHUNK, offset=offset)
-        self._reads[request.sequence] = _Read(request, self._clock())
-        self._send(ftp_message(request, *self._target))
+        self._reads.send(FtpPayload(self._sequence.next(), Opcode.READ_FILE, self._session, CHUNK, offset=offset))
 
     def _reopen(self) -> None:
         """The vehicle lost the session (it restarted, perhaps): go on in a new one."""

@@ -7,21 +7,11 @@ Some vehicles (ArduPilot's `@MISSION` folder) use the file only when it is close
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
 from enum import Enum
 
-from gcs.core.errors import ConflictError, GcsError, LinkError, NotFoundError, OperationCancelled, RefusedError
-from gcs.mavlink.ftp_protocol import (
-    CHUNK,
-    FtpError,
-    FtpPayload,
-    OnBytes,
-    Opcode,
-    SequenceNumbers,
-    encode_path,
-    error_words,
-    ftp_message,
-)
+from gcs.core.errors import GcsError, LinkError, OperationCancelled
+from gcs.mavlink.ftp_protocol import CHUNK, FtpError, FtpPayload, OnBytes, Opcode, SequenceNumbers
+from gcs.mavlink.ftp_requests import RequestsUnderWay
 from gcs.mavlink.ftp_transaction import TRIES, TRIES_FIRST, FtpTransaction
 from gcs.mavlink.transaction import Clock, Send
 
@@ -41,23 +31,16 @@ class StoreStep(Enum):
     DONE = "finished"
 
 
-@dataclass(frozen=True)
-class _Write:
-    request: FtpPayload
-    sent_at: float
-    tries: int = 0
-
-
 class StoreFile(FtpTransaction[None]):
     """Write a file.
 
     Args:
         path: the file on the vehicle; what it held is replaced.
-        data: not empty.
         target_system: system id of the vehicle.
         target_component: the component that serves files.
         send: puts a message on the link.
         clock: monotonic seconds.
+        data: not empty.
         sequence: numbers shared by all exchanges with this component.
         own_system: system id of the station.
         on_progress: told (bytes written, bytes in all).
@@ -73,25 +56,23 @@ class StoreFile(FtpTransaction[None]):
     def __init__(
         self,
         path: str,
-        data: bytes,
         target_system: int,
         target_component: int,
         send: Send,
         clock: Clock,
         *,
+        data: bytes,
         sequence: SequenceNumbers | None = None,
         own_system: int | None = None,
         on_progress: OnBytes | None = None,
     ) -> None:
-        super().__init__(target_system, target_component, send, clock, sequence=sequence, own_system=own_system)
-        self._path = path
-        self._raw_path = encode_path(path)
+        super().__init__(path, target_system, target_component, send, clock, sequence=sequence, own_system=own_system)
         self._data = data
         self._on_progress = on_progress
         self._step = StoreStep.CREATE
         self._session = 0
         self._waiting: list[int] = []
-        self._writes: dict[int, _Write] = {}
+        self._writes = RequestsUnderWay(self._put_beside, clock, self._round_trip)
         self._restarts = 0
         self._was_reset = False
 
@@ -105,8 +86,7 @@ class StoreFile(FtpTransaction[None]):
         """Clock time at which `on_time` wants to be called next."""
         if self._step is not StoreStep.WRITE:
             return super().deadline
-        times = [write.sent_at + self._round_trip.timeout_s(write.tries) for write in self._writes.values()]
-        return min(times, default=self._clock())
+        return self._writes.deadline
 
     def start(self) -> None:
         """Create the file."""
@@ -119,15 +99,11 @@ class StoreFile(FtpTransaction[None]):
         if self._step is not StoreStep.WRITE:
             super().on_time()
             return
-        now = self._clock()
-        for sequence, write in list(self._writes.items()):
-            if now < write.sent_at + self._round_trip.timeout_s(write.tries):
-                continue
+        for write in self._writes.due():
             if write.tries + 1 >= self._most_tries:
                 self._end(LinkError(f"the vehicle stopped in the middle of {self._path}"))
                 return
-            self._writes[sequence] = replace(write, sent_at=now, tries=write.tries + 1)
-            self._send(ftp_message(write.request, *self._target))
+            self._writes.send_again(write)
 
     def cancel(self) -> None:
         """Close the file on the vehicle, without waiting for the answer, and end."""
@@ -146,21 +122,18 @@ class StoreFile(FtpTransaction[None]):
             self._step = StoreStep.DONE
             self._succeed(None)
         else:
-            self._end(self._refusal(answer.error))
+            self._end(self._refusal(answer.error, "take"))
 
     def _unasked(self, payload: FtpPayload) -> None:
         if self._step is not StoreStep.WRITE or payload.request != Opcode.WRITE_FILE:
             return
-        write = self._writes.pop((payload.sequence - 1) % (1 << 16), None)
-        if write is None:
+        if self._writes.answered(payload) is None:
             return
-        if write.tries == 0:
-            self._round_trip.measured(self._clock() - write.sent_at)
         if payload.error in {FtpError.INVALID_SESSION, FtpError.FILE_NOT_FOUND} and self._restarts < _RESTARTS:
             self._restarts += 1
             self._create()
         elif payload.error is not None:
-            self._end(self._refusal(payload.error))
+            self._end(self._refusal(payload.error, "take"))
         else:
             self._go_on()
 
@@ -176,7 +149,7 @@ class StoreFile(FtpTransaction[None]):
             self._was_reset = True
             self._ask(Opcode.RESET_SESSIONS)
         elif answer.error is not None:
-            self._end(self._refusal(answer.error))
+            self._end(self._refusal(answer.error, "take"))
         else:
             self._session, self._step = answer.session, StoreStep.WRITE
             self._most_tries = TRIES
@@ -196,19 +169,10 @@ class StoreFile(FtpTransaction[None]):
             offset = self._waiting.pop(0)
             data = self._data[offset : offset + CHUNK]
             number = self._sequence.next()
-            request = FtpPayload(number, Opcode.WRITE_FILE, self._session, len(data), offset=offset, data=data)
-            self._writes[number] = _Write(request, self._clock())
-            self._send(ftp_message(request, *self._target))
+            self._writes.send(FtpPayload(number, Opcode.WRITE_FILE, self._session, len(data), offset=offset, data=data))
         if not missing:
             self._step = StoreStep.CLOSE
             self._ask(Opcode.TERMINATE_SESSION, session=self._session, patience=_CLOSE_PATIENCE)
-
-    def _refusal(self, error: FtpError) -> GcsError:
-        if error is FtpError.NO_SESSIONS_AVAILABLE:
-            return ConflictError("the vehicle serves files to somebody else; try again later", field=self._path)
-        if error is FtpError.FILE_NOT_FOUND:
-            return NotFoundError("the vehicle has no such file", field=self._path)
-        return RefusedError(f"the vehicle does not take it: {error_words(error)}", field=self._path)
 
     def _end(self, error: GcsError) -> None:
         self._step = StoreStep.DONE

@@ -5,9 +5,18 @@ from __future__ import annotations
 from abc import abstractmethod
 from typing import TypeVar
 
-from gcs.core.errors import GcsError, LinkError
+from gcs.core.errors import ConflictError, GcsError, LinkError, NotFoundError, RefusedError
 from gcs.mavlink.dialect import Message
-from gcs.mavlink.ftp_protocol import FtpPayload, Opcode, SequenceNumbers, decode, ftp_message
+from gcs.mavlink.ftp_protocol import (
+    FtpError,
+    FtpPayload,
+    Opcode,
+    SequenceNumbers,
+    decode,
+    encode_path,
+    error_words,
+    ftp_message,
+)
 from gcs.mavlink.round_trip import RoundTrip
 from gcs.mavlink.transaction import Clock, Send, Transaction
 
@@ -24,6 +33,7 @@ class FtpTransaction(Transaction[R]):
     """Base of the exchanges with a component that serves files.
 
     Args:
+        path: of the file or folder on the vehicle.
         target_system: system id of the vehicle.
         target_component: the component that serves files (the autopilot, or a camera).
         send: puts a message on the link.
@@ -34,6 +44,7 @@ class FtpTransaction(Transaction[R]):
 
     def __init__(
         self,
+        path: str,
         target_system: int,
         target_component: int,
         send: Send,
@@ -43,6 +54,8 @@ class FtpTransaction(Transaction[R]):
         own_system: int | None = None,
     ) -> None:
         super().__init__(send, clock)
+        self._path = path
+        self._raw_path = encode_path(path)
         self._target = (target_system, target_component)
         self._own_system = own_system
         self._sequence = sequence if sequence is not None else SequenceNumbers()
@@ -122,7 +135,19 @@ class FtpTransaction(Transaction[R]):
 
     def _put(self, payload: FtpPayload) -> None:
         self._sent_at = self._clock()
+        self._put_beside(payload)
+
+    def _put_beside(self, payload: FtpPayload) -> None:
+        """Send something that the pending request's timer is not for."""
         self._send(ftp_message(payload, *self._target))
+
+    def _refusal(self, error: FtpError, does_not: str, noun: str = "file") -> GcsError:
+        """What an error of the vehicle means for people, who are told what it does not do."""
+        if error is FtpError.NO_SESSIONS_AVAILABLE:
+            return ConflictError("the vehicle serves files to somebody else; try again later", field=self._path)
+        if error is FtpError.FILE_NOT_FOUND:
+            return NotFoundError(f"the vehicle has no such {noun}", field=self._path)
+        return RefusedError(f"the vehicle does not {does_not} it: {error_words(error)}", field=self._path)
 
     def _fail_with(self, error: GcsError) -> None:
         self._pending = None

@@ -11,7 +11,8 @@ The rule, for every heartbeat of the autopilot whose mode number differs from th
    return in hold or landing, a mission *at its last item* in hold, return or landing): the autopilot's *own*.
 5. MISSION to HOLD, RETURN or LAND, while the last item was not heard to be current: the news of the item may be late
    or lost, so the verdict waits `VERDICT_S` for it. Until then no command is permitted. Nothing is streamed in MISSION.
-6. Anything else: somebody took over, be it the pilot's switch or sticks or the vehicle's own failsafe, which cannot
+6. The vehicle is lent to its companion, and the mode is one that the companion commands: *commanded*, by it.
+7. Anything else: somebody took over, be it the pilot's switch or sticks or the vehicle's own failsafe, which cannot
    be told apart for sure. `hands_off` is then set, and stays set through landing, reconnects and new flights, until an
    operator takes the vehicle back by its name.
 
@@ -67,7 +68,12 @@ class ModeGuard:
         self._claimed_until = float("-inf")
         self._mission: MissionProgress | None = None
         self._undecided: tuple[float, str] | None = None
+        self._lent: frozenset[FlightMode] = frozenset()
         self.hands_off: str | None = None
+
+    def lend(self, modes: frozenset[FlightMode]) -> None:
+        """From now on a companion commands these modes; none takes the vehicle back from it."""
+        self._lent = modes
 
     def command_mode(self, custom_mode: int, now_s: float) -> None:
         """The station is about to ask for a mode, or for something that brings it.
@@ -143,6 +149,8 @@ class ModeGuard:
             return ModeChange.GROUND
         old, old_name = self._stack.flight_mode(before.custom_mode)
         new, new_name = self._stack.flight_mode(shown.custom_mode)
+        if new in self._lent:
+            return ModeChange.COMMANDED
         if new in self._stack.own_successors(old, self._mission):
             return ModeChange.OWN
         who = "the pilot, or the vehicle itself,"

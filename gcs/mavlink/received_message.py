@@ -31,12 +31,31 @@ class Layout:
         checksum_extra: the byte that ends every checksum of this kind, so that no other definition of it is taken.
         unpacker: of the whole payload.
         fields: name -> first place among the unpacked values, number of values (0: no array), whether it is text.
+        numbers: the names in the order of the unpacked values, if each field is a single number; else empty.
     """
 
     name: str
     checksum_extra: bytes
     unpacker: Struct
     fields: dict[str, tuple[int, int, bool]]
+    numbers: tuple[str, ...]
+
+    def values(self, payload: bytes) -> dict[str, Any]:
+        """All fields of a payload, which may be shorter or longer than the dialect's."""
+        if len(payload) < self.unpacker.size:
+            payload = payload.ljust(self.unpacker.size, b"\0")
+        unpacked = self.unpacker.unpack_from(payload)
+        if self.numbers:
+            return dict(zip(self.numbers, unpacked, strict=True))
+        return {name: _value(unpacked, *where) for name, where in self.fields.items()}
+
+
+def _value(unpacked: tuple[Any, ...], place: int, count: int, is_text: bool) -> Any:
+    if count:
+        return list(unpacked[place : place + count])
+    if is_text:
+        return unpacked[place].split(b"\0", 1)[0].decode("ascii", errors="replace")
+    return unpacked[place]
 
 
 def _layout(kind: Any) -> Layout:
@@ -44,7 +63,8 @@ def _layout(kind: Any) -> Layout:
     for name, order, of_type in zip(kind.fieldnames, kind.orders, kind.fieldtypes, strict=True):
         place, count = sum(kind.lengths[:order]), kind.lengths[order]
         fields[name] = (place, 0 if count == 1 or of_type == "char" else count, of_type == "char")
-    return Layout(kind.msgname, bytes([kind.crc_extra]), kind.unpacker, fields)
+    numbers = () if any(count or is_text for _, count, is_text in fields.values()) else tuple(kind.ordered_fieldnames)
+    return Layout(kind.msgname, bytes([kind.crc_extra]), kind.unpacker, fields, numbers)
 
 
 LAYOUTS: dict[int, Layout] = {number: _layout(kind) for number, kind in mavlink.mavlink_map.items()}
@@ -55,27 +75,34 @@ CHECKSUM_EXTRAS: dict[int, bytes] = {number: layout.checksum_extra for number, l
 class ReceivedMessage:
     """One message of the dialect, out of a frame whose checksum was right.
 
-    Its own attributes have names that no field of the dialect has.
+    Its own attributes have names that no field of the dialect has. The fields become attributes when one is asked for.
 
     Attributes:
         packet: the whole of it, as it was on the wire.
         message_number: which message of the dialect it is.
+        layout: of that message.
         running_number: that its sender gave it, modulo 256.
         from_system: system id of its sender.
         from_component: component id of its sender.
     """
 
-    __slots__ = ("_values", "from_component", "from_system", "message_number", "packet", "running_number")
+    __slots__ = ("__dict__", "from_component", "from_system", "layout", "message_number", "packet", "running_number")
 
     def __init__(
-        self, packet: bytes, message_number: int, running_number: int, from_system: int, from_component: int
+        self,
+        packet: bytes,
+        message_number: int,
+        layout: Layout,
+        running_number: int,
+        from_system: int,
+        from_component: int,
     ) -> None:
         self.packet = packet
         self.message_number = message_number
+        self.layout = layout
         self.running_number = running_number
         self.from_system = from_system
         self.from_component = from_component
-        self._values: tuple[Any, ...] | None = None
 
     @property
     def is_signed(self) -> bool:
@@ -83,33 +110,20 @@ class ReceivedMessage:
         return self.packet[0] == MARKER_V2 and bool(self.packet[2] & SIGNED)
 
     def __getattr__(self, name: str) -> Any:
-        try:
-            place, count, is_text = LAYOUTS[self.message_number].fields[name]
-        except KeyError:
-            raise AttributeError(f"{self.get_type()} has no field {name!r}") from None
-        values = self._values
-        if values is None:
-            values = self._values = self._unpack()
-        if count:
-            return list(values[place : place + count])
-        if is_text:
-            return values[place].split(b"\0", 1)[0].decode("ascii", errors="replace")
-        return values[place]
+        """A field that is asked for before any other was."""
+        if name not in self.layout.fields:
+            raise AttributeError(f"{self.get_type()} has no field {name!r}")
+        fields = self.__dict__
+        fields.update(self.layout.values(self.get_payload()))
+        return fields[name]
 
     def __repr__(self) -> str:
-        fields = ", ".join(f"{name}={getattr(self, name)!r}" for name in LAYOUTS[self.message_number].fields)
+        fields = ", ".join(f"{name}={getattr(self, name)!r}" for name in self.layout.fields)
         return f"{self.get_type()}({fields})"
-
-    def _unpack(self) -> tuple[Any, ...]:
-        unpacker = LAYOUTS[self.message_number].unpacker
-        payload = self.get_payload()
-        if len(payload) < unpacker.size:
-            payload = payload.ljust(unpacker.size, b"\0")
-        return unpacker.unpack_from(payload)
 
     def get_type(self) -> str:
         """Name of the message."""
-        return LAYOUTS[self.message_number].name
+        return self.layout.name
 
     def get_msgId(self) -> int:  # noqa: N802 - pymavlink's names, as its messages are taken in the same places
         """Number of the message."""

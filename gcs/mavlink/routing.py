@@ -24,6 +24,7 @@ from gcs.mavlink.link_base import Link, Peer
 from gcs.mavlink.link_quality import RoundTripMeter, SequenceMeter
 from gcs.mavlink.message_rates import request_call
 from gcs.mavlink.received_message import ReceivedMessage
+from gcs.mavlink.signing import SigningStatus
 
 Component = tuple[int, int]
 """System and component id."""
@@ -41,7 +42,7 @@ REPEATED_WITHIN = 128
 or the same one) is the same packet."""
 SAME_PACKETS = 5
 SAME_WITHIN_S = 5.0
-WAY_ANSWERS = frozenset({int(mavlink.MAVLINK_MSG_ID_TIMESYNC), int(mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION)})
+WAY_ANSWERS = frozenset({"TIMESYNC", "AUTOPILOT_VERSION"})
 """Messages for `Way.hear`."""
 MAX_COMPONENTS = 1024
 """Senders that are kept apart; a stranger who makes more of them up is not listened to."""
@@ -58,6 +59,7 @@ class WayInfo:
         loss: share of the packets that got lost on it lately; None when unknown, or when it is the only way.
         round_trip_s: from a question to its answer; None when unknown.
         age_s: since the last packet on it.
+        signing: how its link's signing goes; None when it is not signed.
     """
 
     url: str
@@ -66,6 +68,7 @@ class WayInfo:
     loss: float | None
     round_trip_s: float | None
     age_s: float
+    signing: SigningStatus | None = None
 
 
 def unit_number(version: Message) -> str | None:
@@ -114,7 +117,8 @@ class Way:
     def info(self, now_s: float, *, used: bool) -> WayInfo:
         """For people."""
         loss, round_trip_s = self.meter.quality(now_s).loss, self.round_trips.median_s(now_s)
-        return WayInfo(self.link.url, self.peer.name, used, loss, round_trip_s, now_s - self.heard_s)
+        signing = None if self.link.signing is None else self.link.signing.status()
+        return WayInfo(self.link.url, self.peer.name, used, loss, round_trip_s, now_s - self.heard_s, signing)
 
 
 @dataclass(slots=True)
@@ -172,36 +176,38 @@ class Routes:
         """Whether the best way of any component leads to a peer."""
         return any(ways[0].peer is peer for ways in self._ways.values())
 
-    def trusts(self, link: Link, component: Component) -> bool:
-        """Whether a link may speak for a component: an unsigned one may not, where it is heard on a signed one."""
-        if link.signing is not None:
-            return True
-        ways = self._ways.get(component)
-        return ways is None or ways[0].link.signing is None
+    def hear(self, link: Link, peer: Peer, component: Component, now_s: float) -> Way | None:
+        """The way on which a message of a component came just now.
 
-    def take(self, link: Link, peer: Peer, component: Component, message: ReceivedMessage, now_s: float) -> bool:
-        """Whether a message of a component is to be taken.
-
-        Not when it is a repetition, or comes on a way that is not listened to.
+        None when the link may not speak for it: an unsigned one may not, where the component is heard on a signed one;
+        and nobody new may, while there are too many.
         """
         ways = self._ways.get(component)
+        if ways is not None and ways[0].peer is peer:
+            ways[0].heard_s = now_s
+            return ways[0]
         if ways is None:
             if len(self._ways) >= MAX_COMPONENTS and not self._make_room(now_s):
-                return False
-            self._ways[component] = [Way(link, peer, now_s)]
-            return True
-        if len(ways) == 1 and ways[0].peer is peer:
-            ways[0].heard_s = now_s
-            return True
+                return None
+            ways = self._ways[component] = []
+        elif link.signing is None and ways[0].link.signing is not None:
+            return None
         way = next((way for way in ways if way.peer is peer), None)
         if way is None:
             way = Way(link, peer, now_s)
             ways.append(way)
-        return self._take_of_several(component, way, message, now_s)
-
-    def _take_of_several(self, component: Component, way: Way, message: ReceivedMessage, now_s: float) -> bool:
-        ways, sequence, content = self._ways[component], message.running_number, hash(message.packet)
         way.heard_s = now_s
+        return way
+
+    def take(self, component: Component, way: Way, message: ReceivedMessage, now_s: float) -> bool:
+        """Whether a message that was heard on a way is to be taken.
+
+        Not when it is a repetition, or comes on a way that is not listened to.
+        """
+        ways = self._ways[component]
+        if len(ways) == 1:
+            return True
+        sequence, content = message.running_number, hash(message.packet)
         way.meter.count(component[1], sequence, now_s)
         heard = self._heard.setdefault(component, _Heard())
         earlier = heard.numbered(sequence, now_s)

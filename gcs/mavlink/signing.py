@@ -57,11 +57,13 @@ class SigningStatus:
         rejects_unsigned: whether packets without a signature are refused.
         counts: packets by what they were taken for.
         problem: what went wrong lately and what to do; None when nothing did.
+        rotated_at: when the key took the place of an older one, UTC ISO 8601; None while it is the first.
     """
 
     rejects_unsigned: bool
     counts: dict[Verdict, int]
     problem: str | None
+    rotated_at: str | None = None
 
 
 def new_key() -> bytes:
@@ -76,18 +78,28 @@ class LinkSigning:
         key: 32 bytes that the other end has too.
         rejects_unsigned: whether packets without a signature are refused.
         wall: seconds since 1970.
+        rotated_at: when the key took the place of an older one; None while it is the first.
     """
 
     PROBLEM_KEPT_S = 10.0
 
-    def __init__(self, key: bytes, *, rejects_unsigned: bool = True, wall: Callable[[], float] = time.time) -> None:
+    def __init__(
+        self,
+        key: bytes,
+        *,
+        rejects_unsigned: bool = True,
+        wall: Callable[[], float] = time.time,
+        rotated_at: str | None = None,
+    ) -> None:
         self.rejects_unsigned = rejects_unsigned
+        self.rotated_at = rotated_at
         self._key = key
         self._wall = wall
         self._lock = threading.Lock()
         self._newest = 0
         self._streams: dict[bytes, int] = {}
-        self._counts = dict.fromkeys(Verdict, 0)
+        self._good = 0
+        self._others: dict[Verdict, int] = {verdict: 0 for verdict in Verdict if verdict is not Verdict.GOOD}
         self._problem: tuple[Verdict, float] | None = None
 
     @property
@@ -99,9 +111,8 @@ class LinkSigning:
         """How it goes."""
         problem = self._problem
         lately = problem is not None and abs(self._wall() - problem[1]) < self.PROBLEM_KEPT_S
-        return SigningStatus(
-            self.rejects_unsigned, dict(self._counts), PROBLEMS[problem[0]] if problem is not None and lately else None
-        )
+        said = PROBLEMS[problem[0]] if problem is not None and lately else None
+        return SigningStatus(self.rejects_unsigned, {Verdict.GOOD: self._good, **self._others}, said, self.rotated_at)
 
     def timestamp(self) -> int:
         """The time stamp of the next signature: now, but later than any that was sent or heard."""
@@ -109,15 +120,18 @@ class LinkSigning:
             self._newest = max(self._newest + 1, int((self._wall() - EPOCH_S) * TICKS_PER_S))
             return self._newest
 
-    def sign(self, frame: bytes) -> bytes:
+    def sign(self, frame: bytes, link_id: int = 0) -> bytes:
         """A MAVLink 2 packet, signed."""
-        return signed(frame, self._key, self.timestamp())
+        return signed(frame, self._key, self.timestamp(), link_id)
 
     def admits(self, message: ReceivedMessage) -> bool:
         """Whether a message may be taken; counts it."""
         verdict = self.judge(message)
-        self._counts[verdict] += 1
-        if verdict is Verdict.GOOD or (verdict is Verdict.UNSIGNED and self._lets_pass(message)):
+        if verdict is Verdict.GOOD:
+            self._good += 1
+            return True
+        self._others[verdict] += 1
+        if verdict is Verdict.UNSIGNED and self._lets_pass(message):
             return True
         self._problem = (verdict, self._wall())
         return False

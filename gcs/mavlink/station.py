@@ -96,6 +96,7 @@ class MavlinkStation:
         self._links: dict[str, _OpenLink] = {}
         self._routes = Routes(self._way_changed)
         self._clashes: dict[int, IdClashWatch] = {}
+        self._not_signed: set[tuple[str, str]] = set()
         self._compared_at = float("-inf")
         self._vehicles: dict[int, Vehicle] = {}
         self._events: EventStream[StationEvent] = EventStream(_newer_telemetry)
@@ -212,12 +213,15 @@ class MavlinkStation:
         """Hear of new vehicles and of what happens to each, inside an `async with` block."""
         return self._events.read()
 
-    async def wait_for_vehicle(self, timeout_s: float, system_id: int | None = None) -> Vehicle:
+    async def wait_for_vehicle(
+        self, timeout_s: float, system_id: int | None = None, *, other_than: Vehicle | None = None
+    ) -> Vehicle:
         """Wait until a vehicle is heard; at once when one is connected already.
 
         Args:
             timeout_s: how long.
             system_id: which; any by default.
+            other_than: not this one.
 
         Raises:
             LinkError: nobody answers; names the links.
@@ -227,7 +231,8 @@ class MavlinkStation:
                 async with asyncio.timeout(timeout_s):
                     while True:
                         for vehicle in self._vehicles.values():
-                            if vehicle.connected and system_id in (None, vehicle.identity.system_id):
+                            wanted = system_id in (None, vehicle.identity.system_id) and vehicle is not other_than
+                            if vehicle.connected and wanted:
                                 return vehicle
                         await anext(heard)
             except TimeoutError:
@@ -256,14 +261,16 @@ class MavlinkStation:
             return
         if self._only_peer not in (None, peer):
             return
-        component = (system_id, message.from_component)
-        if not self._routes.trusts(link, component):
-            return
-        now = self._clock()
+        component, now = (system_id, message.from_component), self._clock()
+        way = self._routes.hear(link, peer, component, now)
         vehicle = self._vehicles.get(system_id)
+        if way is None:
+            if vehicle is not None:
+                self._say_not_signed(vehicle, link)
+            return
         if vehicle is not None and component[1] == vehicle.identity.component_id:
-            self._watch(vehicle, peer, message, now)
-        if not self._routes.take(link, peer, component, message, now):
+            self._watch(vehicle, way, message, now)
+        if not self._routes.take(component, way, message, now):
             return
         if message.message_number == HEARTBEAT and is_vehicle(message):
             vehicle = self._discover(message, link, peer)
@@ -274,19 +281,25 @@ class MavlinkStation:
         except Exception:  # untrusted input: a message that cannot be taken must not stop the link
             log.exception("%s: a %s could not be taken", vehicle.identity.name, message.get_type())
 
-    def _watch(self, vehicle: Vehicle, peer: Peer, message: ReceivedMessage, now: float) -> None:
+    def _say_not_signed(self, vehicle: Vehicle, link: Link) -> None:
+        """A vehicle is heard on a link without a key, though another link to it has one: said, once."""
+        said, best = (vehicle.identity.name, link.url), self._routes.best(_autopilot(vehicle))
+        is_so = link.signing is None and best is not None and best.link.signing is not None
+        if is_so and said not in self._not_signed:
+            self._not_signed.add(said)
+            words = "%s is heard on %s too, which is not used for it: another link to it is signed, this one is not"
+            log.warning(words, *said)
+
+    def _watch(self, vehicle: Vehicle, way: Way, message: ReceivedMessage, now: float) -> None:
         """Look for a second vehicle with this id, and for answers to what was asked on each way."""
-        watch = self._clashes[vehicle.identity.system_id]
-        watch.number(peer, message.running_number, now)
-        if watch.wants_clock(peer, now) and message.get_type() in TIME_STAMPED:
-            watch.clock(peer, message.time_boot_ms * 1e-3, now, vehicle.clock.rate)
-        if message.message_number not in WAY_ANSWERS:
-            return
-        for way in self._routes.ways(_autopilot(vehicle)):
-            if way.peer is peer:
-                way.hear(message, now)
-                if way.unit is not None:
-                    watch.unit(peer, way.unit, now)
+        watch, kind = self._clashes[vehicle.identity.system_id], message.layout.name
+        watch.number(way.peer, message.running_number, now)
+        if kind in TIME_STAMPED and watch.wants_clock(way.peer, now):
+            watch.clock(way.peer, message.time_boot_ms * 1e-3, now, vehicle.clock.rate)
+        elif kind in WAY_ANSWERS:
+            way.hear(message, now)
+            if way.unit is not None:
+                watch.unit(way.peer, way.unit, now)
 
     def _way_changed(self, component: Component, way: Way) -> None:
         vehicle = self._vehicles.get(component[0])
@@ -312,7 +325,11 @@ class MavlinkStation:
             if way is not None:
                 vehicle.passed(way.peer.send(message))
 
-        channel = VehicleChannel(target, self._own, send, self._clock)
+        def peer_now() -> Peer | None:
+            way = self._routes.best(target)
+            return None if way is None else way.peer
+
+        channel = VehicleChannel(target, self._own, send, self._clock, peer_now)
         vehicle = Vehicle(identity, channel, lost_after_s=self._lost_after_s)
         vehicle.on_event = lambda event: self._events.publish(StationEvent(system_id, event))
         self._vehicles[system_id] = vehicle
@@ -363,10 +380,11 @@ class MavlinkStation:
             way = self._routes.best(_autopilot(vehicle))
             if way is not None:
                 logged.setdefault(way.peer, []).append(vehicle)
+        heartbeat = station_heartbeat()
         for peer in link.peers:
             if self._only_peer not in (None, peer) or (self._only_system is not None and not self._routes.heard(peer)):
                 continue
-            packet = peer.send(station_heartbeat())
+            packet = peer.send(heartbeat)
             for vehicle in logged.get(peer, ()):
                 vehicle.passed(packet)
 

@@ -1,13 +1,27 @@
-"""STATUSTEXT: long texts come in chunks, some of which may be lost."""
+"""STATUSTEXT: long texts go in chunks, some of which may be lost."""
 
 from __future__ import annotations
 
 from gcs.core.vehicle import StatusText
-from gcs.mavlink.dialect import Message
+from gcs.mavlink.dialect import Message, mavlink
 
 CHUNK = 50
 MAX_CHUNKS = 20
 MAX_OPEN = 8
+
+
+def status_text_messages(text: str, severity: int, number: int) -> list[Message]:
+    """STATUSTEXT messages of a text.
+
+    Args:
+        text: for people; letters beyond ASCII are replaced.
+        severity: 0 emergency to 7 debug.
+        number: of the text; not used again soon.
+    """
+    letters = text.encode("ascii", "replace")[: CHUNK * MAX_CHUNKS - 1]
+    parts = [letters[at : at + CHUNK] for at in range(0, len(letters) + 1, CHUNK)]
+    text_id = 0 if len(parts) == 1 else number % 65535 + 1
+    return [mavlink.MAVLink_statustext_message(severity, part, text_id, i) for i, part in enumerate(parts)]
 
 
 class StatusTextAssembler:

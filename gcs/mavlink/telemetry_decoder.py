@@ -8,8 +8,9 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from gcs.core.frames import GeoPoint, enu_from_ned, yaw_from_heading
+from gcs.core.frames import GeoPoint, yaw_from_heading
 from gcs.core.vehicle import BatteryState, Heard, LandedState, MissionProgress, MissionState, Telemetry
 from gcs.mavlink.autopilots.base import FlightStack
 from gcs.mavlink.dialect import Message, mavlink
@@ -35,6 +36,11 @@ def mission_progress(m: Message) -> MissionProgress:
     """What a MISSION_CURRENT says."""
     total = int(m.total) if 0 < m.total < NO_MISSION_TOTAL else None
     return MissionProgress(int(m.seq), total, _MISSION_STATES.get(m.mission_state, MissionState.UNKNOWN))
+
+
+def _enu(north: float, east: float, down: float) -> NDArray[np.float64]:
+    """East, north, up of three numbers; `core.frames` has the same for arrays, at ten times the price for so few."""
+    return np.array((east, north, -down), dtype=np.float64)
 
 
 class TelemetryDecoder:
@@ -65,16 +71,16 @@ class TelemetryDecoder:
             "MOUNT_ORIENTATION": self._mount_orientation,
             "MOUNT_STATUS": self._mount_status,
         }
+        self._readers |= self._gimbal_readers
 
     @property
     def kinds(self) -> frozenset[str]:
         """The messages that say anything of use."""
-        return frozenset(self._readers) | frozenset(self._gimbal_readers)
+        return frozenset(self._readers)
 
     def reader(self, kind: str, *, from_autopilot: bool) -> Reader | None:
         """What reads a kind of message; None when it says nothing of use."""
-        reader = self._gimbal_readers.get(kind)
-        return self._readers.get(kind) if reader is None and from_autopilot else reader
+        return (self._readers if from_autopilot else self._gimbal_readers).get(kind)
 
     def apply(self, telemetry: Telemetry, message: Message, now_s: float, *, from_autopilot: bool = True) -> Telemetry:
         """The telemetry after a message; the same object when the message says nothing of use.
@@ -105,23 +111,22 @@ class TelemetryDecoder:
         changes: Changes = {"vehicle_time_s": Heard(m.time_boot_ms * 1e-3, now_s)}
         point = geo_point(m.lat, m.lon, m.alt * 1e-3)
         if point is not None:
-            velocity = enu_from_ned(np.array([m.vx, m.vy, m.vz]) * 1e-2)
+            velocity = _enu(m.vx * 1e-2, m.vy * 1e-2, m.vz * 1e-2)
             changes |= {"position": Heard(point, now_s), "velocity_m_s": Heard(velocity, now_s)}
         return changes
 
     @staticmethod
     def _local_position_ned(m: Message, now_s: float) -> Changes:
-        numbers = np.array([m.x, m.y, m.z, m.vx, m.vy, m.vz], dtype=np.float64)
         changes: Changes = {"vehicle_time_s": Heard(m.time_boot_ms * 1e-3, now_s)}
-        if np.all(np.isfinite(numbers)):
-            changes["local_position_m"] = Heard(enu_from_ned(numbers[:3]), now_s)
-            changes["velocity_m_s"] = Heard(enu_from_ned(numbers[3:]), now_s)
+        if all(map(math.isfinite, (m.x, m.y, m.z, m.vx, m.vy, m.vz))):
+            changes["local_position_m"] = Heard(_enu(m.x, m.y, m.z), now_s)
+            changes["velocity_m_s"] = Heard(_enu(m.vx, m.vy, m.vz), now_s)
         return changes
 
     @staticmethod
     def _attitude(m: Message, now_s: float) -> Changes:
         changes: Changes = {"vehicle_time_s": Heard(m.time_boot_ms * 1e-3, now_s)}
-        if all(math.isfinite(angle) for angle in (m.roll, m.pitch, m.yaw)):
+        if all(map(math.isfinite, (m.roll, m.pitch, m.yaw))):
             yaw = yaw_from_heading(m.yaw)
             changes |= {"yaw_rad": Heard(yaw, now_s), "attitude_rad": Heard((m.roll, m.pitch, yaw), now_s)}
         return changes

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import logging
+import time
 
 from gcs.core.errors import ConflictError, GcsError, LinkError, RefusedError
 from gcs.core.vehicle import FlightMode, VehicleIdentity
@@ -19,6 +20,7 @@ from gcs.mavlink.vehicle_flight import VehicleFlight
 log = logging.getLogger(__name__)
 
 OFFBOARD_LEAD_IN_S = 1.2
+START_S = 5.0
 FEED_S = 0.1
 FRESH_S = 2.0
 BACKLOG_S = 0.3
@@ -97,7 +99,8 @@ class Vehicle(VehicleFlight):
             elif take_off_altitude_amsl_m is not None:
                 await self._stack.take_off(control, take_off_altitude_amsl_m)
                 await self.until(lambda: self.in_air, IN_AIR_S, "it to say that it is in the air")
-            self._begin(self._hovering_session(owner, rate_hz, deadman_s))
+            session = self._begin(self._hovering_session(owner, rate_hz, deadman_s))
+            await self.until(lambda: session.setpoints_sent > 0 or not session.active, START_S, "the first setpoint")
             await asyncio.sleep(OFFBOARD_LEAD_IN_S)
             await self._stack.enter_offboard(control)
 
@@ -129,9 +132,10 @@ class Vehicle(VehicleFlight):
             raise RefusedError("the stream of setpoints ended as soon as it began", field=self.identity.name)
         return self._session
 
-    def _begin(self, session: OffboardSession) -> None:
-        self._session, self._in_offboard, self._leaving = session, False, False
+    def _begin(self, session: OffboardSession) -> OffboardSession:
         session.start()
+        self._session, self._in_offboard, self._leaving = session, False, False
+        return session
 
     async def _feed(self) -> None:
         """The event loop keeps the stream alive until its owner can."""
@@ -149,11 +153,7 @@ class Vehicle(VehicleFlight):
         self.vehicle_now()
         hover = Setpoint.hover(place.value, yaw.value)
         stream = SetpointStream(
-            target=self._channel.target,
-            send=self._channel.send,
-            clock=self._now,
-            deadman_s=deadman_s,
-            source=lambda _: hover,
+            target=self._channel.target, clock=time.monotonic, deadman_s=deadman_s, source=lambda _: hover
         )
         loop = asyncio.get_running_loop()
 
@@ -164,8 +164,10 @@ class Vehicle(VehicleFlight):
         return OffboardSession(
             owner,
             stream,
-            clock=self._now,
-            vehicle_now=self.vehicle_now,
+            own_system=self._channel.sender[0],
+            peer=self._channel.peer,
+            passed=self.passed,
+            vehicle_at=self.vehicle_at,
             clock_rate=lambda: self.clock.rate,
             rate_hz=rate_hz,
             on_end=ended,

@@ -13,6 +13,7 @@ from gcs.core.errors import LinkError, RefusedError
 from gcs.mavlink.command_protocol import Target
 from gcs.mavlink.dialect import Message
 from gcs.mavlink.events import MAX_WAITING, EventStream
+from gcs.mavlink.link_base import Peer
 from gcs.mavlink.transaction import Clock, Send, Transaction
 
 R = TypeVar("R")
@@ -79,13 +80,22 @@ class VehicleChannel:
         sender: system and component of this station.
         send: puts a message on the link on which the message's target was last heard; safe from any thread.
         clock: monotonic seconds.
+        peer: tells whom messages to the autopilot go to now, None when there is no way to it; safe from any thread.
     """
 
-    def __init__(self, target: Target, sender: Target, send: Send, clock: Clock) -> None:
+    def __init__(
+        self,
+        target: Target,
+        sender: Target,
+        send: Send,
+        clock: Clock,
+        peer: Callable[[], Peer | None] = lambda: None,
+    ) -> None:
         self.target = target
         self.sender = sender
         self.send = send
         self.clock = clock
+        self.peer = peer
         self.refusal: str | None = None
         """Why no exchange with the vehicle may begin; None when one may."""
         self._heard: EventStream[Message] = EventStream()

@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import asyncio
+from collections.abc import Callable
+from functools import partial
+from typing import TypeVar
 
 from gcs.core.errors import RefusedError
 from gcs.core.progress import Progress
@@ -12,9 +15,12 @@ from gcs.mavlink.ftp_directory import DirectoryListing, ListDirectory
 from gcs.mavlink.ftp_fetch import FetchedFile, FetchFile, PartialFile
 from gcs.mavlink.ftp_protocol import OnBytes, SequenceNumbers, path_from_url
 from gcs.mavlink.ftp_store import StoreFile
+from gcs.mavlink.ftp_transaction import FtpTransaction
 from gcs.mavlink.image_transmission import RequestImage, TransmittedImage
 from gcs.mavlink.vehicle_channel import VehicleChannel
 from gcs.mavlink.vehicle_state import VehicleState
+
+R = TypeVar("R")
 
 MADE_UP_BYTES = 1 << 20
 """Most bytes of a file that the vehicle makes up as it is read."""
@@ -35,18 +41,7 @@ class VehicleFiles(VehicleState):
 
     async def list_files(self, path: str, component: int | None = None) -> DirectoryListing:
         """List a folder of its camera, or of another component that serves files."""
-        async with self._file_lock:
-            folder, system, server, numbers = self._file_server(path, component)
-            listing = ListDirectory(
-                folder,
-                system,
-                server,
-                self._channel.send,
-                self._now,
-                sequence=numbers,
-                own_system=self._channel.sender[0],
-            )
-            return await self._named(self._channel.run(listing))
+        return await self._exchange_files(ListDirectory, path, component)
 
     async def fetch_file(
         self,
@@ -67,20 +62,8 @@ class VehicleFiles(VehicleState):
         Raises:
             BrokenFetchError: the link broke; it has what came.
         """
-        async with self._file_lock:
-            file, system, server, numbers = self._file_server(path, component)
-            fetch = FetchFile(
-                file,
-                system,
-                server,
-                self._channel.send,
-                self._now,
-                sequence=numbers,
-                own_system=self._channel.sender[0],
-                resume=resume,
-                on_progress=_telling(progress, path),
-            )
-            return await self._named(self._channel.run(fetch))
+        fetch = partial(FetchFile, resume=resume, on_progress=_telling(progress, path))
+        return await self._exchange_files(fetch, path, component)
 
     async def request_picture(self, progress: Progress | None = None) -> TransmittedImage:
         """Have its camera send its newest picture, packet by packet: for cameras that serve no files.
@@ -105,44 +88,29 @@ class VehicleFiles(VehicleState):
 
     async def read_made_up(self, path: str) -> bytes:
         """Read a file of its autopilot that it makes up as it is read; the content must be checked."""
-        async with self._file_lock:
-            file, system, server, numbers = self._file_server(path, self.identity.component_id)
-            fetch = FetchFile(
-                file,
-                system,
-                server,
-                self._channel.send,
-                self._now,
-                sequence=numbers,
-                own_system=self._channel.sender[0],
-                max_bytes=MADE_UP_BYTES,
-                made_up=True,
-            )
-            return (await self._named(self._channel.run(fetch))).data
+        fetch = partial(FetchFile, max_bytes=MADE_UP_BYTES, made_up=True)
+        return (await self._exchange_files(fetch, path, self.identity.component_id)).data
 
     async def write_to_autopilot(self, path: str, data: bytes, on_bytes: OnBytes | None = None) -> None:
         """Write a file of its autopilot, which uses it when it has been closed."""
+        store = partial(StoreFile, data=data, on_progress=on_bytes)
+        await self._exchange_files(store, path, self.identity.component_id)
+
+    async def _exchange_files(self, make: Callable[..., FtpTransaction[R]], path: str, component: int | None) -> R:
+        """Run an exchange with the server that has a file: a component of its own, or the one that is most likely."""
         async with self._file_lock:
-            file, system, server, numbers = self._file_server(path, self.identity.component_id)
-            store = StoreFile(
-                file,
-                data,
-                system,
+            bare, named = path_from_url(path)
+            server = component or named or self.camera_component or self.identity.component_id
+            exchange = make(
+                bare,
+                self.identity.system_id,
                 server,
                 self._channel.send,
                 self._now,
-                sequence=numbers,
+                sequence=self._file_numbers.setdefault(server, SequenceNumbers()),
                 own_system=self._channel.sender[0],
-                on_progress=on_bytes,
             )
-            await self._named(self._channel.run(store))
-
-    def _file_server(self, path: str, component: int | None) -> tuple[str, int, int, SequenceNumbers]:
-        """Bare path, system, component and request numbers of the server that has a file."""
-        bare, named = path_from_url(path)
-        server = component or named or self.camera_component or self.identity.component_id
-        numbers = self._file_numbers.setdefault(server, SequenceNumbers())
-        return bare, self.identity.system_id, server, numbers
+            return await self._named(self._channel.run(exchange))
 
 
 def _telling(progress: Progress | None, stage: str) -> OnBytes | None:

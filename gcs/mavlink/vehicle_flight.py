@@ -10,7 +10,9 @@ from typing import NoReturn
 from gcs.core.errors import ConflictError, GcsError, LinkError, RefusedError
 from gcs.core.vehicle import FlightMode, LandedState, VehicleIdentity
 from gcs.mavlink.autopilots.base import CommandCall
-from gcs.mavlink.command_protocol import CommandExchange
+from gcs.mavlink.command_protocol import CommandExchange, OnProgress, command_name
+from gcs.mavlink.companion_lease import LeaseOrder, LeaseOrdering, LeaseStatus
+from gcs.mavlink.events import CommandProgressEvent
 from gcs.mavlink.flight_commands import FlightCommands
 from gcs.mavlink.vehicle_channel import VehicleChannel
 from gcs.mavlink.vehicle_transfers import VehicleTransfers
@@ -21,6 +23,8 @@ TEXT_AGE_S = 4.0
 TEXT_GRACE_S = 0.3
 READINESS_TOLD_S = 3.0
 WARNING = 4
+COMPANION_MODES = frozenset({FlightMode.OFFBOARD, FlightMode.HOLD, FlightMode.LAND})
+"""Modes that a companion commands."""
 
 
 class VehicleFlight(VehicleTransfers):
@@ -43,6 +47,21 @@ class VehicleFlight(VehicleTransfers):
         if confirm_name.strip() not in (self.identity.name, str(self.identity.system_id)):
             raise RefusedError("to take the vehicle back, give its name", field=self.identity.name)
         self._guard.take_back()
+
+    def lend(self, *, to_companion: bool) -> None:
+        """Let a companion lead it: the modes that one commands count as commanded; or end that."""
+        self._guard.lend(COMPANION_MODES if to_companion else frozenset())
+
+    async def order_companion(self, order: LeaseOrder) -> LeaseStatus:
+        """Give the vehicle's companion an order; returns the state that answers it.
+
+        Raises:
+            RefusedError: the companion refuses; in its own words.
+            LinkError: there is none, or it does not follow.
+        """
+        system_id = self.identity.system_id
+        ordering = LeaseOrdering(order, system_id, self._channel.send, self._now)
+        return await self._named(self._channel.run(ordering))
 
     async def arm(self) -> None:
         """Arm, without force."""
@@ -168,7 +187,7 @@ class VehicleFlight(VehicleTransfers):
             if self._sequence != number:
                 raise ConflictError(f"a newer command has overtaken {what!r}")
 
-        control = FlightCommands(self, self._stack, self._channel, self._guard, permit)
+        control = FlightCommands(self, self._stack, self._channel, self._guard, permit, self._progress_of)
         try:
             self._channel.check()
             self._guard.check()
@@ -213,5 +232,18 @@ class VehicleFlight(VehicleTransfers):
             sender=self._channel.sender,
             send=self._channel.send,
             clock=self._now,
+            on_progress=self._progress_of(call),
         )
         await self._channel.run(exchange)
+
+    def _progress_of(self, call: CommandCall) -> OnProgress:
+        """Tells of a command's progress as an event, at every tenth."""
+        told: list[int | None] = []
+
+        def tell(share: float | None) -> None:
+            tenth = None if share is None else int(10 * share)
+            if tenth not in told:
+                told.append(tenth)
+                self._publish(CommandProgressEvent(command_name(call.command), share))
+
+        return tell

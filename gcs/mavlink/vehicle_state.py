@@ -30,15 +30,24 @@ from gcs.mavlink.command_protocol import command_long
 from gcs.mavlink.dialect import Message, mavlink
 from gcs.mavlink.events import EventStream, VehicleEvent
 from gcs.mavlink.link_quality import LinkQuality, RoundTripMeter, SequenceMeter
+from gcs.mavlink.list_watch import ListWatch
 from gcs.mavlink.message_rates import RATES_HZ, request_call, request_rates
 from gcs.mavlink.mode_guard import ModeChange, ModeGuard, Shown
 from gcs.mavlink.motion_samples import MOTION_MESSAGES, MotionSampler
 from gcs.mavlink.newest_telemetry import NewestTelemetry
+from gcs.mavlink.plan_id import told_list_ids
 from gcs.mavlink.received_message import MARKER_V1
-from gcs.mavlink.replan_tunnel import MalformedReport, ReportAssembler, ReportStatus, report_ack
+from gcs.mavlink.report_assembler import (
+    AnsweredReport,
+    MalformedReport,
+    ReportAssembler,
+    ReportStatus,
+    report_ack,
+)
 from gcs.mavlink.routing import unit_number
 from gcs.mavlink.status_text import StatusTextAssembler
 from gcs.mavlink.telemetry_decoder import TelemetryDecoder, mission_progress
+from gcs.mavlink.tunnel_carrier import carried
 from gcs.mavlink.vehicle_channel import VehicleChannel
 from gcs.mavlink.vehicle_clock import VehicleClock
 
@@ -95,6 +104,7 @@ class VehicleState:
         self._wanted = decoder.kinds | MOTION_MESSAGES | CAMERA_MESSAGES | ALSO_WANTED
         self._motion = MotionSampler()
         self._guard = ModeGuard(self._stack)
+        self._lists = ListWatch()
         self._meter = SequenceMeter()
         self._round_trips = RoundTripMeter()
         self._texts = StatusTextAssembler()
@@ -200,10 +210,14 @@ class VehicleState:
         Raises:
             LinkError: too few time stamps of the vehicle were heard yet.
         """
-        now = self.clock.at(self._now())
-        if now is None:
+        return self.vehicle_at(self._now())
+
+    def vehicle_at(self, station_s: float) -> float:
+        """The vehicle's clock at a time of the station's, likewise."""
+        vehicle_s = self.clock.at(station_s)
+        if vehicle_s is None:
             raise LinkError("its clock is not known yet; wait a second", field=self.identity.name)
-        return now
+        return vehicle_s
 
     def events(self) -> AbstractAsyncContextManager[AsyncIterator[VehicleEvent]]:
         """Hear what happens to it, inside an `async with` block."""
@@ -239,14 +253,13 @@ class VehicleState:
         now = self._now()
         if self.on_packet is not None:
             self.passed(message.get_msgbuf())
-        self._meter.count(message.get_srcComponent(), message.get_seq(), now)
-        kind = message.get_type()
+        kind, component = message.get_type(), message.get_srcComponent()
+        self._meter.count(component, message.get_seq(), now)
         if kind in self._wanted:
-            self._take(kind, message, now)
+            self._take(kind, message, now, from_autopilot=component == self.identity.component_id)
         self._channel.publish(message)
 
-    def _take(self, kind: str, message: Message, now: float) -> None:
-        from_autopilot = message.get_srcComponent() == self.identity.component_id
+    def _take(self, kind: str, message: Message, now: float, *, from_autopilot: bool) -> None:
         changed = self._newest.take(message, now, from_autopilot=from_autopilot)
         if changed and self._events.has_readers:
             self._publish(events.TelemetryEvent(self.telemetry))
@@ -285,6 +298,9 @@ class VehicleState:
             self._publish(events.ItemReachedEvent(int(message.seq)))
         elif kind == "MISSION_CURRENT":
             self._guard.on_mission(mission_progress(message))
+            if not self._lists.idle:
+                for changed in self._lists.take(told_list_ids(message), now):
+                    self._publish(events.ListChangedEvent(changed))
         elif kind == "AUTOPILOT_VERSION":
             self.capabilities = int(message.capabilities)
             self.uid = unit_number(message)
@@ -316,13 +332,19 @@ class VehicleState:
             self._publish(events.PilotTookOverEvent(self._guard.hands_off))
 
     def _handle_tunnel(self, message: Message) -> None:
-        report = self._reports.take(message)
+        inner = carried(message)
+        report = None if inner is None else self._reports.take(inner)
         if isinstance(report, MalformedReport):
             log.warning("%s sent a replanning report that cannot be read: %s", self.identity.name, report.problem)
-            target = self._channel.target
-            self._channel.send(report_ack(report.boot_id, report.number, ReportStatus.REFUSED, *target))
+            self._answer_report(report.boot_id, report.number, ReportStatus.REFUSED)
+        elif isinstance(report, AnsweredReport):
+            self._answer_report(report.boot_id, report.number, report.status)
         elif report is not None:
             self._publish(events.ReplanEvent(report))
+
+    def _answer_report(self, boot_id: int, number: int, status: ReportStatus) -> None:
+        self._reports.answered(boot_id, number, status)
+        self._channel.send(report_ack(boot_id, number, status, self.identity.system_id))
 
     def on_time(self) -> None:
         """Notice what did not come, and ask for it; called by the station several times a second."""

@@ -12,11 +12,18 @@ from gcs.core.errors import GcsError, LinkError, NotFoundError, OperationCancell
 from gcs.core.frames import GeoPoint
 from gcs.core.mission import Command, Mission, MissionItem
 from gcs.core.progress import Progress
-from gcs.core.vehicle import Autopilot, Failsafe, ReplanReport, VehicleIdentity, VehicleLimits
+from gcs.core.replanning import ReplanReport
+from gcs.core.vehicle import Autopilot, Failsafe, VehicleIdentity, VehicleLimits
 from gcs.mavlink.autopilots.generic import UNKNOWN_STACK
 from gcs.mavlink.canonical_form import MissionComparison
 from gcs.mavlink.command_protocol import command_long
 from gcs.mavlink.dialect import mavlink
+from gcs.mavlink.external_position import (
+    ExternalPosition,
+    external_position_lag,
+    external_position_message,
+    external_position_parameters,
+)
 from gcs.mavlink.message_rates import request_call
 from gcs.mavlink.mission_clear import MissionClear
 from gcs.mavlink.mission_ftp import path_of, read_as_file, reading_is_faster, upload_as_file, writing_is_faster
@@ -32,7 +39,9 @@ from gcs.mavlink.mission_protocol import ListUnsupportedError, MissionType
 from gcs.mavlink.parameter_pack import PATH as PARAMETER_PACK
 from gcs.mavlink.parameter_pack import PackedParameter, decode_parameter_pack
 from gcs.mavlink.parameter_protocol import ParameterRead, ParameterReading, ParameterSet
-from gcs.mavlink.replan_tunnel import PlanAnnouncement, ReportStatus, report_ack
+from gcs.mavlink.plan_announcement import PlanAnnouncement
+from gcs.mavlink.plan_id import px4_plan_id
+from gcs.mavlink.report_assembler import ReportStatus
 from gcs.mavlink.vehicle_channel import VehicleChannel
 from gcs.mavlink.vehicle_files import VehicleFiles
 
@@ -64,7 +73,7 @@ class VehicleTransfers(VehicleFiles):
 
     async def upload_mission(self, mission: Mission, progress: Progress | None = None) -> UploadProof:
         """Put a mission on it and prove it by reading it back."""
-        async with self._mission_lock:
+        async with self._mission_lock, self._putting(MissionType.MISSION, mission.items):
             proof = await self._upload_as_file(mission.items, MissionType.MISSION, progress)
             if proof is not None:
                 return proof
@@ -72,7 +81,7 @@ class VehicleTransfers(VehicleFiles):
 
     async def download_mission(self, progress: Progress | None = None) -> tuple[MissionItem, ...]:
         """Read the mission that it holds."""
-        async with self._mission_lock:
+        async with self._mission_lock, self._reading(MissionType.MISSION):
             told = self.telemetry.mission
             if told is not None and told.value.total is not None and reading_is_faster(told.value.total):
                 path = path_of(MissionType.MISSION)
@@ -83,12 +92,8 @@ class VehicleTransfers(VehicleFiles):
 
     async def compare_with_vehicle(self, mission: Mission, progress: Progress | None = None) -> MissionComparison:
         """Read the mission that it holds and compare, in its canonical form."""
-        async with self._mission_lock:
+        async with self._mission_lock, self._reading(MissionType.MISSION):
             return await self._named(compare_with_vehicle(mission, self._mission_peer(), progress))
-
-    async def clear_mission(self) -> None:
-        """Remove the mission that it holds."""
-        await self.clear_list(MissionType.MISSION)
 
     async def upload_list(
         self, items: Sequence[MissionItem], mission_type: MissionType, progress: Progress | None = None
@@ -101,7 +106,7 @@ class VehicleTransfers(VehicleFiles):
             LinkError: it does not answer; what it holds is unknown.
         """
         self._demand_list(mission_type)
-        async with self._mission_lock, self._remembering(mission_type):
+        async with self._mission_lock, self._remembering(mission_type), self._putting(mission_type, items):
             proof = await self._upload_as_file(items, mission_type, progress)
             if proof is not None:
                 return proof
@@ -112,13 +117,13 @@ class VehicleTransfers(VehicleFiles):
     ) -> tuple[MissionItem, ...]:
         """Read its fence or its rally points; errors as those of `upload_list`."""
         self._demand_list(mission_type)
-        async with self._mission_lock, self._remembering(mission_type):
+        async with self._mission_lock, self._remembering(mission_type), self._reading(mission_type):
             return await self._named(download(self._mission_peer(), progress, mission_type))
 
     async def clear_list(self, mission_type: MissionType) -> None:
         """Empty one of its lists; errors as those of `upload_list`."""
         self._demand_list(mission_type)
-        async with self._mission_lock:
+        async with self._mission_lock, self._putting(mission_type, ()):
             clear = MissionClear(
                 *self._channel.target,
                 self._channel.send,
@@ -138,6 +143,20 @@ class VehicleTransfers(VehicleFiles):
         """Do not even ask a vehicle that has said that it has no such list."""
         if not self.keeps_list(mission_type):
             raise ListUnsupportedError(f"the vehicle keeps no {mission_type.noun}", field=self.identity.name)
+
+    @contextlib.asynccontextmanager
+    async def _putting(self, mission_type: MissionType, items: Sequence[MissionItem]) -> AsyncIterator[None]:
+        """It holds these items if this succeeds, and who knows what if not."""
+        self._lists.forget(mission_type)
+        yield
+        list_id = px4_plan_id(items) if self.identity.autopilot is Autopilot.PX4 else None
+        self._lists.uploaded(mission_type, list_id, self._now())
+
+    @contextlib.asynccontextmanager
+    async def _reading(self, mission_type: MissionType) -> AsyncIterator[None]:
+        """What it holds is known if this succeeds."""
+        yield
+        self._lists.read(mission_type, self._now())
 
     @contextlib.asynccontextmanager
     async def _remembering(self, mission_type: MissionType) -> AsyncIterator[None]:
@@ -284,16 +303,37 @@ class VehicleTransfers(VehicleFiles):
             raise LinkError("it did not tell its home and origin", field=self.identity.name)
         return home.value, origin.value
 
+    async def read_position_lag(self) -> float:
+        """How old it takes a position from outside to be when it comes (s).
+
+        Raises:
+            RefusedError: its parameters do not let it use one; says what to set.
+            LinkError: it does not answer.
+        """
+
+        async def read() -> float:
+            names = external_position_parameters(self.identity.autopilot)
+            return external_position_lag(self.identity.autopilot, await self.read_parameters(names))
+
+        return await self._named(read())
+
+    def shares_link_with(self, other: VehicleTransfers) -> bool:
+        """Whether both are spoken to at one address, as on one radio: what names no vehicle goes to both."""
+        peer = self._channel.peer()
+        return peer is not None and peer is other._channel.peer()
+
+    def tell_position(self, fix: ExternalPosition) -> None:
+        """Tell it where it is, once."""
+        self._channel.send(external_position_message(self.identity.autopilot, fix))
+
     async def announce_plan(self, plan_hash: str) -> bool:
         """Tell it the SHA-256 of the plan that it is to fly; False when it does not know of plans."""
-        system, component = self._channel.target
-        announcement = PlanAnnouncement(plan_hash, system, component, self._channel.send, self._now)
+        announcement = PlanAnnouncement(plan_hash, self.identity.system_id, self._channel.send, self._now)
         return await self._channel.run(announcement)
 
     def acknowledge_replan(self, report: ReplanReport, *, stored: bool = True) -> None:
         """Answer a ReplanEvent, once its report is in the store (or refused for good)."""
-        status = ReportStatus.STORED if stored else ReportStatus.REFUSED
-        self._channel.send(report_ack(report.boot_id, report.number, status, *self._channel.target))
+        self._answer_report(report.boot_id, report.number, ReportStatus.STORED if stored else ReportStatus.REFUSED)
 
     async def _read(self, names: Iterable[str]) -> dict[str, ParameterReading | None]:
         async with self._parameter_lock:

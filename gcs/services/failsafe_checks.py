@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 MODES = {
     FlightPath.MISSION: (FlightMode.MISSION, FlightMode.HOLD),
     FlightPath.OFFBOARD: (FlightMode.OFFBOARD, FlightMode.HOLD),
+    FlightPath.COMPANION: (FlightMode.OFFBOARD, FlightMode.HOLD),
 }
 """Modes that a flight is in when a failsafe comes: what it flies with, and its pauses."""
 

@@ -27,7 +27,6 @@ from gcs.services.image_account import scene_position
 from gcs.services.mission_fitting import fit_mission, predicted_mission, sampling_of
 from gcs.services.vehicle_model import vehicle_model
 from gcs.storage.plan_files import read_structure
-from gcs.storage.records import FlightPath
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -201,7 +200,7 @@ class FlightChecks:
 
     @property
     def _offboard(self) -> bool:
-        return self._flight.mode is FlightPath.OFFBOARD
+        return self._flight.mode.by_setpoints
 
     def _report(self, checks: list[PreflightCheck], accepted: tuple[str, ...]) -> CheckedReport:
         return CheckedReport(self._flight.id, utc_now(), preflight.with_acceptance(checks, accepted))

@@ -11,14 +11,12 @@ from gcs.services.live_feed import (
     EventLogged,
     FlightChanged,
     ImageChanged,
-    ReplanStored,
     TrackGrew,
     UploadProgressed,
 )
 from gcs.storage.records import FlightState, ImageRecord, ImageState, TrackPoint
 
 if TYPE_CHECKING:
-    from gcs.core.vehicle import ReplanReport
     from gcs.services.live_feed import LiveFeed
     from gcs.storage.database import Database
     from gcs.storage.image_store import ImageStore, StoredImage
@@ -27,6 +25,15 @@ if TYPE_CHECKING:
 TRACK_INTERVAL_S = 0.2
 TRACK_BATCH = 10
 NOTICE, WARNING, ERROR = 5, 4, 3
+
+
+def log_line(
+    database: Database, feed: LiveFeed, flight_id: str, kind: str, text: str, *, severity: int = 6, **data: Any
+) -> FlightEventRecord:
+    """Add a line to a flight's log, and tell everybody."""
+    event = database.flights.log(flight_id, kind, text, severity=severity, data=data)
+    feed.publish(EventLogged(event))
+    return event
 
 
 class FlightRecorder:
@@ -54,9 +61,7 @@ class FlightRecorder:
 
     def log(self, kind: str, text: str, *, severity: int = 6, **data: Any) -> FlightEventRecord:
         """Add a line to the flight's log."""
-        event = self.database.flights.log(self.flight_id, kind, text, severity=severity, data=data)
-        self._feed.publish(EventLogged(event))
-        return event
+        return log_line(self.database, self._feed, self.flight_id, kind, text, severity=severity, **data)
 
     def notice(self, text: str) -> None:
         """Add a line about something that the station changed on the vehicle."""
@@ -153,20 +158,3 @@ class FlightRecorder:
     def image_data(self, image: ImageRecord) -> bytes:
         """The file of a stored picture."""
         return self._store.path(image).read_bytes()
-
-    def replan(
-        self, system_id: int, report: ReplanReport, path_m: tuple[tuple[float, float, float], ...], plan_hash: str
-    ) -> bool:
-        """Store a detour, once; whether it is new."""
-        record, new = self.database.replans.add(
-            self.flight_id,
-            system_id,
-            report,
-            received_at=utc_now(),
-            path_m=path_m,
-            matches_plan=report.plan_hash == plan_hash,
-        )
-        if new:
-            self.log("replan", f"the vehicle left the path: {report.reason}", severity=NOTICE, report=record.id)
-            self._feed.publish(ReplanStored(record))
-        return new

@@ -23,10 +23,12 @@ from gcs.storage.records import FlightPath, FlightState
 
 if TYPE_CHECKING:
     from gcs.core.plan import Plan
-    from gcs.core.vehicle import ReplanReport, Telemetry
+    from gcs.core.vehicle import Telemetry
     from gcs.mavlink.vehicle import Vehicle
+    from gcs.services.companion_flight import CompanionFlight
     from gcs.services.flight_recorder import FlightRecorder
     from gcs.services.offboard_flight import OffboardFlight
+    from gcs.services.sighted_flight import SightedFlight
 
 log = logging.getLogger(__name__)
 
@@ -58,20 +60,19 @@ class FlightRun:
 
     Args:
         plan: what is flown.
-        plan_hash: SHA-256 of its plan.json.
         vehicle: who flies.
         recorder: where it is written down.
     """
 
-    def __init__(self, plan: Plan, plan_hash: str, vehicle: Vehicle, recorder: FlightRecorder) -> None:
+    def __init__(self, plan: Plan, vehicle: Vehicle, recorder: FlightRecorder) -> None:
         self.plan = plan
-        self.plan_hash = plan_hash
         self.vehicle = vehicle
         self.recorder = recorder
         visits = {v.viewpoint_id: v.miss_m or 0.0 for v in recorder.database.flights.visits(recorder.flight_id)}
         self.tracker = FlightTracker(plan, visits)
         self.collector = ImageCollector(plan, vehicle, recorder)
         self.offboard: OffboardFlight | None = None
+        self.companion: CompanionFlight | None = None
         self.cut_short: str | None = None
         """Why the plan was not flown to its end, when somebody decided so."""
         self.down = asyncio.Event()
@@ -93,6 +94,22 @@ class FlightRun:
             asyncio.create_task(self._follow(), name=f"follow {self.recorder.flight_id}"),
             asyncio.create_task(self.collector.run(), name=f"images of {self.recorder.flight_id}"),
         ]
+
+    def position_by(self, sighted: SightedFlight) -> None:
+        """Tell the vehicle what another one sees of it, where it has no position fix, until it is down."""
+
+        async def position() -> None:
+            looking = asyncio.ensure_future(sighted.run())
+            landed = asyncio.ensure_future(self.down.wait())
+            try:
+                await asyncio.wait({looking, landed}, return_when=asyncio.FIRST_COMPLETED)
+                if looking.done():
+                    self.recorder.problem(f"no positions are told any more: {looking.exception()}")
+            finally:
+                looking.cancel()
+                landed.cancel()
+
+        self._tasks.append(asyncio.create_task(position(), name=f"position of {self.vehicle.identity.name}"))
 
     async def close(self) -> None:
         """Stop following; the vehicle goes on under its own control."""
@@ -133,10 +150,11 @@ class FlightRun:
                 recorder.log("mode", "armed" if armed else "disarmed", severity=NOTICE)
                 if not armed and self._was_airborne:
                     self.end_soon()
+            case events.CommandProgressEvent(command, share):
+                done = "" if share is None else f", {share:.0%} done"
+                recorder.log("command", f"the vehicle is at work on {command}{done}", severity=NOTICE)
             case events.ImageEvent(image):
                 self.collector.take(image)
-            case events.ReplanEvent(report):
-                self._take_replan(report)
             case events.LinkLostEvent(silent_s):
                 recorder.log("link", f"no heartbeat for {silent_s:.0f} s", severity=ERROR)
                 if recorder.flight.state in IN_THE_AIR:
@@ -170,8 +188,8 @@ class FlightRun:
             return
         mode = telemetry.mode.value
         name = telemetry.mode_name.value if telemetry.mode_name else mode.value
-        streaming = self.offboard is not None and self.offboard.streaming
-        if flight.mode is FlightPath.OFFBOARD and not streaming and mode not in {FlightMode.RETURN, FlightMode.LAND}:
+        streaming = any(leader is not None and leader.streaming for leader in (self.offboard, self.companion))
+        if flight.mode.by_setpoints and not streaming and mode not in {FlightMode.RETURN, FlightMode.LAND}:
             self.recorder.enter(FlightState.HELD, f"no setpoints are sent; the vehicle is in {name}")
         else:
             self.recorder.enter(BY_MODE.get(mode, FlightState.HELD), f"the vehicle is in {name}")
@@ -204,12 +222,6 @@ class FlightRun:
             self.recorder.enter(BY_MODE[mode], "the vehicle says so")
         elif mode is FlightMode.MISSION and flight.mode is FlightPath.MISSION:
             self.recorder.enter(FlightState.FLYING, "the vehicle flies its mission")
-
-    def _take_replan(self, report: ReplanReport) -> None:
-        anchor_path = [scene_position(self.plan, place) for place in report.path]
-        path = tuple(p for p in anchor_path if p is not None)
-        self.recorder.replan(self.vehicle.identity.system_id, report, path, self.plan_hash)
-        self.vehicle.acknowledge_replan(report)
 
     async def _end(self) -> None:
         recorder = self.recorder

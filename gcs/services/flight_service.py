@@ -14,7 +14,9 @@ from typing import TYPE_CHECKING
 from gcs.core.clock import new_id, utc_now
 from gcs.core.errors import ConflictError, GcsError, LinkError, RefusedError
 from gcs.mavlink.canonical_form import compare
-from gcs.mavlink.events import VehicleFoundEvent
+from gcs.mavlink.events import ListChangedEvent, VehicleFoundEvent
+from gcs.services.changed_lists import note_changed_list
+from gcs.services.companion_flight import CompanionFlight
 from gcs.services.fence_rally import upload_lists
 from gcs.services.fitted_upload import remember_sampling, upload_fitted
 from gcs.services.flight_checks import FlightChecks
@@ -26,10 +28,11 @@ from gcs.services.mission_fitting import USUAL_SAMPLING, sampled_mission, sampli
 from gcs.services.offboard_flight import OffboardFlight, StreamEndedError
 from gcs.services.operator_commands import OneAtATime, require_confirmation
 from gcs.services.resumed_plan import plan_from_here
+from gcs.services.sighted_flight import SightedFlight
 from gcs.storage.records import FlightPath, FlightRecord, FlightState, UploadState
 
 if TYPE_CHECKING:
-    from collections.abc import Coroutine
+    from collections.abc import Awaitable, Callable, Coroutine
 
     from gcs.core.mission import Mission
     from gcs.core.plan import Plan
@@ -111,6 +114,10 @@ class FlightControlService:
                 vehicle_now = self._vehicles.station.vehicles.get(event.system_id)
                 if isinstance(event.event, VehicleFoundEvent) and vehicle_now is not None:
                     self._spawn(self._take_up(vehicle_now))
+                if isinstance(event.event, ListChangedEvent) and vehicle_now is not None:
+                    for flight in self._database.flights.open_flights():
+                        if flight.vehicle == vehicle_now.identity.name:
+                            note_changed_list(self._recorder(flight.id), event.event.mission_type)
 
     async def _take_up(self, vehicle: Vehicle) -> None:
         """A vehicle is heard: say truthfully where its open flight stands."""
@@ -125,6 +132,9 @@ class FlightControlService:
                     run.show_mode()
                     if flight.mode is FlightPath.MISSION:
                         await self.read_back(flight.id)
+                    elif flight.mode is FlightPath.COMPANION:
+                        run.companion = self._companion(run, flight)
+                        self._spawn(self._lead(run, run.companion.rejoin))
             except GcsError as error:
                 self._recorder(flight.id).log("station", str(error), severity=ERROR)
 
@@ -205,7 +215,7 @@ class FlightControlService:
         upload = self._database.flights.latest_upload(flight_id)
         if upload is None:
             return OnVehicleMission(flight_id, "none", None, "", None, (), None, (), {}, "nothing was uploaded yet")
-        equal = True if upload.state is UploadState.PROVED else None
+        equal = True if upload.state is UploadState.PROVED and flight.proved else None
         return OnVehicleMission(
             flight_id=flight_id,
             state=upload.state,
@@ -229,6 +239,8 @@ class FlightControlService:
         text = "equals the plan's mission" if comparison.equal else f"is not the plan's mission: {comparison.summary}"
         recorder.log("upload", f"read back: what the vehicle holds {text}", severity=NOTICE)
         upload = self._database.flights.latest_upload(flight_id)
+        if upload is not None and flight.proved != comparison.equal:
+            recorder.change(proved=comparison.equal)
         return OnVehicleMission(
             flight_id=flight_id,
             state="none" if upload is None else upload.state,
@@ -241,7 +253,9 @@ class FlightControlService:
             viewpoint_items=mission.viewpoint_items,
         )
 
-    async def start(self, flight_id: str, *, confirm: str, accept: tuple[str, ...]) -> FlightRecord:
+    async def start(
+        self, flight_id: str, *, confirm: str, accept: tuple[str, ...], observer: str | None = None
+    ) -> FlightRecord:
         """Check, arm, take off and fly; the confirmation names the vehicle."""
         flight, vehicle, plan = self._loaded(flight_id)
         self._demand(flight, "start")
@@ -252,6 +266,7 @@ class FlightControlService:
             accepted = self._accept(recorder, flight, accept)
             checks = self._checks(flight, plan)
             (await checks.before_start(vehicle, accepted)).demand()
+            sighted = None if observer is None else await self._sighted(observer, vehicle, recorder)
             if flight.mode is FlightPath.MISSION:
                 held = await self.read_back(flight_id)
                 if not held.equal:
@@ -265,8 +280,15 @@ class FlightControlService:
                     recorder.notice(f"{entry.name}: {entry.how}")
             await vehicle.announce_plan(flight.plan_hash)
             run = self._follow(flight, vehicle)
+            if sighted is not None:
+                run.position_by(sighted)
+                self._vehicles.set_position_source(flight.system_id, sighted)
             await run.collector.remember_earlier()
             recorder.log("command", f"start confirmed for {confirm}", severity=NOTICE)
+            if flight.mode is FlightPath.COMPANION:
+                recorder.change(started_at=utc_now())
+                self._spawn(self._fly_with_companion(run, flight))
+                return recorder.flight
             if flight.mode is FlightPath.OFFBOARD:
                 warp = await checks.stream_loss_warp(vehicle)
                 recorder.change(started_at=utc_now())
@@ -296,6 +318,11 @@ class FlightControlService:
             if flight.mode is FlightPath.MISSION:
                 await vehicle.resume_mission()
                 recorder.enter(FlightState.FLYING, "the mission goes on")
+            elif run.companion is not None and run.companion.streaming:
+                await run.companion.resume()
+                recorder.enter(FlightState.FLYING, "the companion goes on")
+            elif flight.mode is FlightPath.COMPANION:
+                self._spawn(self._fly_with_companion(run, flight))
             elif run.offboard is not None and run.offboard.streaming:
                 run.offboard.resume()
                 recorder.enter(FlightState.FLYING, "the stream goes on")
@@ -316,7 +343,9 @@ class FlightControlService:
         self._demand(flight, "pause")
         run, recorder = self._run(flight_id), self._recorder(flight_id)
         recorder.log("command", "pause", severity=NOTICE)
-        if run.offboard is not None and run.offboard.streaming and flight.state is FlightState.FLYING:
+        if run.companion is not None and run.companion.streaming and flight.state is FlightState.FLYING:
+            await run.companion.pause()
+        elif run.offboard is not None and run.offboard.streaming and flight.state is FlightState.FLYING:
             run.offboard.pause()
         else:
             await vehicle.pause()
@@ -413,10 +442,25 @@ class FlightControlService:
         self._spawn(self._fly_offboard(run, offboard))
 
     async def _fly_offboard(self, run: FlightRun, offboard: OffboardFlight) -> None:
+        run.recorder.enter(FlightState.ARMED, "going into offboard")
+        await self._lead(run, offboard.fly)
+        run.recorder.change(plan_time_s=offboard.plan_time_s)
+        self._database.dynamics.keep(run.vehicle.identity.name, run.recorder.flight_id, offboard.learned)
+
+    def _companion(self, run: FlightRun, flight: FlightRecord) -> CompanionFlight:
+        return CompanionFlight(run.plan, flight.plan_hash, run.vehicle, run.recorder)
+
+    async def _fly_with_companion(self, run: FlightRun, flight: FlightRecord) -> None:
+        run.companion = companion = self._companion(run, flight)
+        run.recorder.enter(FlightState.ARMED, "going to be led by its companion")
+        await self._lead(run, companion.fly)
+        run.recorder.change(plan_time_s=companion.plan_time_s)
+
+    async def _lead(self, run: FlightRun, fly: Callable[[Callable[[], None]], Awaitable[None]]) -> None:
+        """Have the vehicle led by setpoints until that ends, however it ends."""
         recorder = run.recorder
-        recorder.enter(FlightState.ARMED, "going into offboard")
         try:
-            await offboard.fly(lambda: recorder.enter(FlightState.FLYING, "the vehicle follows the stream"))
+            await fly(lambda: recorder.enter(FlightState.FLYING, "the vehicle follows setpoints"))
         except StreamEndedError as error:
             recorder.log("offboard", str(error), severity=ERROR)
             run.show_mode()
@@ -429,11 +473,9 @@ class FlightControlService:
                 recorder.enter(FlightState.ABORTED, str(error))
                 run.over.set()
                 await self._drop(recorder.flight_id)
-        recorder.change(plan_time_s=offboard.plan_time_s)
-        self._database.dynamics.keep(run.vehicle.identity.name, recorder.flight_id, offboard.learned)
 
     def _follow(self, flight: FlightRecord, vehicle: Vehicle, *, airborne: bool = False) -> FlightRun:
-        run = FlightRun(self._plans.read(flight.plan_id), flight.plan_hash, vehicle, self._recorder(flight.id))
+        run = FlightRun(self._plans.read(flight.plan_id), vehicle, self._recorder(flight.id))
         self._runs[flight.id] = run
         self._vehicles.set_flight(flight.system_id, flight.id)
         self._logs.begin(run)
@@ -447,6 +489,13 @@ class FlightControlService:
             self._vehicles.set_flight(run.vehicle.identity.system_id, None)
             await run.close()
             await self._logs.end(flight_id)
+
+    async def _sighted(self, observer: str, vehicle: Vehicle, recorder: FlightRecorder) -> SightedFlight:
+        """Cooperative positioning of a vehicle, ready to run."""
+        sighted = SightedFlight(self._vehicles.vehicle(observer), vehicle, recorder.notice)
+        await sighted.check()
+        recorder.notice(f"{observer} looks at {vehicle.identity.name}, for where it has no position fix of its own")
+        return sighted
 
     def _run(self, flight_id: str) -> FlightRun:
         run = self._runs.get(flight_id)

@@ -89,10 +89,10 @@ _ON_THE_GROUND = {FlightState.CREATED, FlightState.UPLOAD_FAILED, FlightState.UP
 def allowed_actions(state: FlightState, mode: FlightPath) -> tuple[str, ...]:
     """What an operator may ask of a flight in this state; the vehicle may still refuse.
 
-    A mission has to be uploaded and proved before it can start; an offboard flight carries its plan in the station.
+    A mission has to be uploaded and proved before it can start; a flight by setpoints carries none.
     """
     if state in _ON_THE_GROUND:
-        if mode is FlightPath.OFFBOARD:
+        if mode.by_setpoints:
             return ("start",)
         return ("upload", "start") if state is FlightState.UPLOADED else ("upload",)
     in_the_air: dict[FlightState, tuple[str, ...]] = {
@@ -149,8 +149,13 @@ class FlightService(Protocol):
         """Read the vehicle's mission now and compare it with the plan's."""
         ...
 
-    async def start(self, flight_id: str, *, confirm: str, accept: tuple[str, ...]) -> FlightRecord:
-        """Check, arm, take off and fly; the confirmation names the vehicle."""
+    async def start(
+        self, flight_id: str, *, confirm: str, accept: tuple[str, ...], observer: str | None = None
+    ) -> FlightRecord:
+        """Check, arm, take off and fly; the confirmation names the vehicle.
+
+        While the vehicle's own position fix is lost, the sightings of an observer, another vehicle, take its place.
+        """
         ...
 
     async def resume(self, flight_id: str, *, confirm: str, accept: tuple[str, ...]) -> FlightRecord:

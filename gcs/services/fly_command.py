@@ -10,7 +10,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
 
-from gcs.core.errors import GcsError, IncompleteError, LinkError, RefusedError
+from gcs.core.errors import GcsError, IncompleteError, InputError, LinkError, RefusedError
 from gcs.services.live_feed import EventLogged, FeedEvent, QueueOverflowError
 from gcs.services.remaining_flight import next_flight
 from gcs.services.station import StationServices
@@ -62,6 +62,7 @@ async def fly_plan(
     say: Callable[[str], None],
     sortie: int | None = None,
     rest: bool = False,
+    observer: str | None = None,
 ) -> FlightOutcome:
     """Fly a written plan.
 
@@ -75,6 +76,7 @@ async def fly_plan(
         say: takes lines for the operator.
         sortie: which one of a plan of several, from 1; the first that is not done yet when not given.
         rest: leave out the viewpoints that have their picture from earlier flights.
+        observer: name or system id of another vehicle on the link, whose sightings stand in for a lost position fix.
 
     Returns:
         What came of it; a link that was lost, or a refusal, is its `failure`.
@@ -83,7 +85,7 @@ async def fly_plan(
         InputError: the folder holds no plan, or nothing of it is left to fly.
         StorageError: nothing can be recorded.
     """
-    services = StationServices(data_dir or default_data_directory(), stored_links=False)
+    services = StationServices(data_dir or default_data_directory(), stored_links=False, offers=False)
     async with services.running(_line), _telling(services, say):
         with TemporaryDirectory(prefix="gcs-rest-") as scratch:
             chosen = next_flight(out, sortie, rest, services.database, services.plans, Path(scratch))
@@ -91,7 +93,7 @@ async def fly_plan(
                 say(chosen.said)
             flying = _Flying(services, chosen.directory, mode, accept, say)
         try:
-            await flying.fly(url, confirm)
+            await flying.fly(url, confirm, observer)
         except (LinkError, RefusedError, IncompleteError) as error:
             return flying.outcome(error)
         return flying.outcome()
@@ -115,11 +117,12 @@ class _Flying:
         self._say = say
         self._flight_id: str | None = None
 
-    async def fly(self, url: str, confirm: Callable[[str], Awaitable[str]]) -> None:
+    async def fly(self, url: str, confirm: Callable[[str], Awaitable[str]], observer: str | None) -> None:
         """From the link to the account of the images."""
         station, flights, say = self._services.vehicles.station, self._services.flights, self._say
         await station.open(url)
-        vehicle = await station.wait_for_vehicle(VEHICLE_TIMEOUT_S)
+        looking = None if observer is None else await station.wait_for_vehicle(VEHICLE_TIMEOUT_S, _system_of(observer))
+        vehicle = await station.wait_for_vehicle(VEHICLE_TIMEOUT_S, other_than=looking)
         name = vehicle.identity.name
         say(f"{name} answers on {url}")
         with suppress(GcsError):  # the checks below say what is missing
@@ -131,7 +134,7 @@ class _Flying:
             await flights.upload(flight.id, confirm=None, accept=self._accept)
             await flights.wait_for_upload(flight.id)
         _show(await flights.preflight(flight.id), say)
-        await flights.start(flight.id, confirm=await confirm(name), accept=self._accept)
+        await flights.start(flight.id, confirm=await confirm(name), accept=self._accept, observer=observer)
         try:
             await self._follow(flight.id, vehicle)
         except asyncio.CancelledError:
@@ -181,6 +184,14 @@ class _Flying:
             problems=tuple(dict.fromkeys((*flight.problems, *said))),
             failure=failure,
         )
+
+
+def _system_of(vehicle: str) -> int:
+    """The system id in a vehicle's name, such as `px4-2`, or alone."""
+    number = vehicle.rpartition("-")[2]
+    if not number.isdecimal():
+        raise InputError("is not the name of a vehicle, such as px4-2", field=vehicle)
+    return int(number)
 
 
 def _seconds_between(start: str | None, end: str | None) -> float | None:

@@ -2,17 +2,26 @@
 
 from __future__ import annotations
 
+import os
 from typing import TYPE_CHECKING
 
+from gcs.core.clock import utc_now
 from gcs.core.errors import GcsError, IncompleteError, NotFoundError
 from gcs.mavlink.link_url import parse_link_url
 from gcs.mavlink.signing import LinkSigning, new_key
-from gcs.storage.signing_keys import StoredKey
+from gcs.storage.data_directory import default_data_directory
+from gcs.storage.signing_keys import PASSPHRASE_VARIABLE, SigningKeyStore, StoredKey
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from gcs.mavlink.signing_setup import SigningProof
     from gcs.mavlink.station import MavlinkStation
-    from gcs.storage.signing_keys import SigningKeyStore
+
+
+def key_store(data_dir: Path | None) -> SigningKeyStore:
+    """The keys of a data directory (the user's own when not given), under the passphrase of the environment."""
+    return SigningKeyStore(data_dir or default_data_directory(), os.environ.get(PASSPHRASE_VARIABLE))
 
 
 class LinkSigningService:
@@ -37,7 +46,7 @@ class LinkSigningService:
         stored = self._keys.get(parse_link_url(url).url)
         if stored is None:
             return await self._station.open(url)
-        return await self._station.open(url, LinkSigning(stored.key, rejects_unsigned=stored.rejects_unsigned))
+        return await self._station.open(url, _signing(stored))
 
     async def set_up(self, vehicle_name: str, url: str, *, rejects_unsigned: bool = True) -> SigningProof:
         """Give a disarmed vehicle a new key over a link (instead of its old one, if there is one) and prove it.
@@ -56,15 +65,30 @@ class LinkSigningService:
             IncompleteError: it has the key, which could not be kept here.
         """
         self._keys.check_passphrase()
-        key = new_key()
+        canonical = parse_link_url(url).url
+        rotated_at = None if self._keys.get(canonical) is None else utc_now()
+        stored = StoredKey(new_key(), rejects_unsigned, rotated_at)
         vehicle = self._station.vehicle(vehicle_name)
-        proof = await self._station.set_up_signing(vehicle, url, LinkSigning(key, rejects_unsigned=rejects_unsigned))
+        proof = await self._station.set_up_signing(vehicle, url, _signing(stored))
         try:
-            self._keys.put(parse_link_url(url).url, StoredKey(key, rejects_unsigned))
+            self._keys.put(canonical, stored)
         except GcsError as error:
             words = f"the vehicle has a new key, which is lost when the station ends: {error.message}; set it up again"
             raise IncompleteError(words, field=error.field) from error
         return proof
+
+    def share(self, url: str, other_url: str) -> None:
+        """Sign another link with the key of one, from when it is opened next: a vehicle's key holds for all its links.
+
+        Raises:
+            NotFoundError: the first link has no key.
+            InputError: the passphrase is missing or wrong.
+        """
+        canonical = parse_link_url(url).url
+        stored = self._keys.get(canonical)
+        if stored is None:
+            raise NotFoundError("this link is not signed", field=canonical)
+        self._keys.put(parse_link_url(other_url).url, stored)
 
     async def remove(self, vehicle_name: str, url: str) -> None:
         """Have a disarmed vehicle forget its key, and forget it here.
@@ -79,3 +103,7 @@ class LinkSigningService:
             raise NotFoundError("this link is not signed", field=canonical)
         await self._station.remove_signing(self._station.vehicle(vehicle_name), url)
         self._keys.delete(canonical)
+
+
+def _signing(stored: StoredKey) -> LinkSigning:
+    return LinkSigning(stored.key, rejects_unsigned=stored.rejects_unsigned, rotated_at=stored.rotated_at)

@@ -16,13 +16,14 @@ from typing import TYPE_CHECKING, TypeAlias
 
 if TYPE_CHECKING:
     from gcs.services.plan_service import PlanView
+    from gcs.services.replan_difference import ReplanView
     from gcs.services.vehicle_service import LinkView, VehicleText, VehicleView
     from gcs.storage.records import (
         FlightEventRecord,
         FlightOverview,
         ImageRecord,
         JobRecord,
-        ReplanRecord,
+        PlanOfferRecord,
         TrackPoint,
     )
 
@@ -113,7 +114,14 @@ class ImageChanged:
 class ReplanStored:
     """A detour was reported and stored."""
 
-    replan: ReplanRecord
+    replan: ReplanView
+
+
+@dataclass(frozen=True)
+class OfferChanged:
+    """A plan for what was skipped is being made, is offered, was decided on or cannot be made."""
+
+    offer: PlanOfferRecord
 
 
 FeedEvent: TypeAlias = (
@@ -129,6 +137,7 @@ FeedEvent: TypeAlias = (
     | EventLogged
     | ImageChanged
     | ReplanStored
+    | OfferChanged
 )
 
 
@@ -145,6 +154,8 @@ def superseding_key(event: FeedEvent) -> str | None:
             return f"upload {flight_id}"
         case ImageChanged(image):
             return f"image {image.id}"
+        case OfferChanged(offer):
+            return f"offer {offer.id}"
         case _:
             return None
 
@@ -202,6 +213,7 @@ class LiveFeed:
     def __init__(self, limit: int = MAX_WAITING) -> None:
         self._limit = limit
         self._clients: list[LiveClient] = []
+        self._listeners: list[Callable[[FeedEvent], None]] = []
         self._loop: asyncio.AbstractEventLoop | None = None
         self._render: Callable[[FeedEvent], str] | None = None
 
@@ -209,6 +221,10 @@ class LiveFeed:
         """Begin to deliver, in the running event loop; `render` makes the text that is sent."""
         self._loop = asyncio.get_running_loop()
         self._render = render
+
+    def listen(self, listener: Callable[[FeedEvent], None]) -> None:
+        """Tell a part of the station of every event, in its event loop."""
+        self._listeners.append(listener)
 
     @property
     def clients(self) -> int:
@@ -227,7 +243,7 @@ class LiveFeed:
 
     def publish(self, event: FeedEvent) -> None:
         """Tell all clients; from any thread, and without effect while nobody listens."""
-        if self._loop is None or not self._clients:
+        if self._loop is None or not (self._clients or self._listeners):
             return
         try:
             running: asyncio.AbstractEventLoop | None = asyncio.get_running_loop()
@@ -240,6 +256,8 @@ class LiveFeed:
 
     def _deliver(self, event: FeedEvent) -> None:
         assert self._render is not None
+        for listener in self._listeners:
+            listener(event)
         if not self._clients:
             return
         key, text = superseding_key(event), self._render(event)

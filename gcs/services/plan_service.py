@@ -191,6 +191,10 @@ class PlanService:
         """Where the scene of a plan is."""
         return parse_scenario(self._database.plans.get(plan_id).scenario).anchor.point
 
+    def file_by_hash(self, plan_hash: str, name: str) -> Path:
+        """One of the files of the plan whose plan.json has a SHA-256; errors as of `file`."""
+        return self.file(self._database.plans.with_hash(plan_hash).id, name)
+
     def file(self, plan_id: str, name: str) -> Path:
         """One of the files of a ready plan.
 
@@ -231,10 +235,14 @@ class PlanService:
         self._feed.publish(PlanChanged(view))
         return view
 
-    def adopt(self, directory: Path) -> PlanView:
-        """Take over a plan that `gcs plan` wrote elsewhere, its sorties as plans of their own.
+    def adopt(self, directory: Path, name: str | None = None) -> PlanView:
+        """Take over a plan that was written elsewhere, its sorties as plans of their own.
 
         One with the same hash is not taken twice.
+
+        Args:
+            directory: its folder.
+            name: in the list of plans; the scenario's when left out.
 
         Raises:
             InputError: the folder holds no plan, or not a whole one.
@@ -250,7 +258,7 @@ class PlanService:
         read_structure(directory)
         record = PlanRecord(
             id=new_id("plan"),
-            name=plan.scenario.name,
+            name=name or plan.scenario.name,
             created_at=utc_now(),
             scenario=plan.scenario.model_dump(mode="json", exclude_none=True),
             state=PlanState.READY,

@@ -8,9 +8,8 @@ import numpy as np
 
 from gcs.core.errors import GcsError, InputError
 from gcs.core.progress import SilentProgress
-from gcs.services.plan_writing import write_certified
-from gcs.services.resumed_plan import plan_from_home
-from gcs.storage.plan_files import part_directories, read_plan, read_structure
+from gcs.services.resumed_plan import write_plan_from_home
+from gcs.storage.plan_files import part_directories, read_plan
 from gcs.storage.plan_group_files import SortiesDocument, has_group, read_group
 from gcs.storage.records import ImageState
 
@@ -79,7 +78,7 @@ def next_flight(
     if len(left) == len(plan.viewpoints):
         return NextFlight(chosen, said)
     target = scratch / "rest"
-    write_certified(plan_from_home(chosen, pictured), read_structure(chosen), target, SilentProgress())
+    write_plan_from_home(SilentProgress(), chosen, [v.id for v in left], target)
     rest_of = f"{said}: " if said else ""
     return NextFlight(target, f"{rest_of}the {len(left)} viewpoints from {left[0].name} on that have no picture yet")
 

@@ -13,15 +13,18 @@ from gcs.core.progress import SilentProgress
 from gcs.planning.flights.flight_scene import prepare_scene
 from gcs.planning.planner import plan_rest
 from gcs.services.image_account import scene_position
+from gcs.services.plan_writing import write_certified
 from gcs.storage.plan_files import read_plan, read_structure
 
 if TYPE_CHECKING:
     from collections.abc import Collection
 
     from gcs.core.plan import Plan
+    from gcs.core.progress import Progress
     from gcs.core.structure import Structure
     from gcs.mavlink.vehicle import Vehicle
     from gcs.planning.flights.flight_scene import Scene
+    from gcs.services.plan_writing import WrittenPlan
 
 FRESH_S = 2.0
 
@@ -49,20 +52,25 @@ async def plan_from_here(plan: Plan, directory: Path, vehicle: Vehicle, pictured
     return await asyncio.to_thread(_plan, str(directory), start, tuple(v.id for v in rest))
 
 
-def plan_from_home(directory: Path, pictured: Collection[int]) -> Plan:
-    """Plan from home through the viewpoints of a plan that have no picture yet: how it goes on after a battery swap.
+def write_plan_from_home(progress: Progress, directory: Path, viewpoints: Collection[int], out: Path) -> WrittenPlan:
+    """Plan from home through some viewpoints of a plan, in their order, and write it: how it goes on another time.
 
     Args:
-        directory: of the plan that was cut short.
-        pictured: ids of the viewpoints that need no second visit.
+        progress: told of every stage; may cancel.
+        directory: of the plan that was not flown to its end.
+        viewpoints: ids of those that have no picture yet.
+        out: folder to make.
 
     Raises:
         InputError: there is no plan.
         InfeasibleError: there is no plan for the rest.
+        StorageError: the disk did not take it.
+        OperationCancelled: the progress said so.
     """
     plan, structure, scene = _scene(str(directory))
-    rest = [v for v in plan.viewpoints if v.id not in pictured]
-    return plan_rest(plan.scenario, structure, scene, rest, plan.scenario.home_m, SilentProgress())
+    rest = [v for v in plan.viewpoints if v.id in viewpoints]
+    made = plan_rest(plan.scenario, structure, scene, rest, plan.scenario.home_m, progress)
+    return write_certified(made, structure, out, progress)
 
 
 def _plan(directory: str, start_m: tuple[float, float, float], rest: tuple[int, ...]) -> Plan:

@@ -32,6 +32,8 @@ class SimulatorOptions:
         anchor: the scene's origin, for the pictures; None for the default.
         structure: file with the structure in the scene frame that the camera sees.
         uid: hardware id reported by the vehicle, so that it can be told from any other on the same port.
+        obstacles: JSON file of what the lidar sees and no plan knows.
+        companion: UDP port on this machine on which the first vehicle's companion listens.
         extra: further arguments of `python -m sitl_mocks`, as they are.
     """
 
@@ -45,6 +47,8 @@ class SimulatorOptions:
     structure: Path | None = None
     uid: str | None = None
     seed: int = 0
+    obstacles: Path | None = None
+    companion: int | None = None
     extra: Sequence[str] = ()
 
     def command(self) -> list[str]:
@@ -61,6 +65,10 @@ class SimulatorOptions:
             line += ["--structure", str(self.structure)]
         if self.uid is not None:
             line += ["--uid", self.uid]
+        if self.obstacles is not None:
+            line += ["--obstacles", str(self.obstacles)]
+        if self.companion is not None:
+            line += ["--companion", str(self.companion)]
         return [*line, *self.extra]
 
 

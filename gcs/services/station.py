@@ -16,7 +16,9 @@ if TYPE_CHECKING:
     from gcs.jobs.planning_jobs import PlanningJobs
     from gcs.mavlink.station import MavlinkStation
     from gcs.services.flight_types import FlightService
+    from gcs.services.plan_offers import PlanOffers
     from gcs.services.plan_service import PlanService
+    from gcs.services.replan_reports import ReplanReports
     from gcs.services.structure_service import StructureService
     from gcs.services.vehicle_service import VehicleService
     from gcs.storage.database import Database
@@ -31,6 +33,7 @@ class StationServices:
         data_dir: where everything that must last is kept.
         links: URLs to open; not kept for later runs.
         stored_links: whether the links of earlier runs are opened too.
+        offers: whether plans for what was skipped are offered when a flight is over, not only on request.
         make_flights: makes the flight service once all others are open; tests put another in.
         make_mavlink: makes the MAVLink side; tests put another in.
         make_jobs: makes what runs the planning; tests put another in.
@@ -43,6 +46,8 @@ class StationServices:
     images: ImageStore
     telemetry_logs: TelemetryLogStore
     flights: FlightService
+    replans: ReplanReports
+    offers: PlanOffers
     started_at: str
 
     def __init__(
@@ -51,6 +56,7 @@ class StationServices:
         *,
         links: tuple[str, ...] = (),
         stored_links: bool = True,
+        offers: bool = True,
         make_flights: FlightsFactory | None = None,
         make_mavlink: MavlinkFactory | None = None,
         make_jobs: JobsFactory | None = None,
@@ -59,6 +65,7 @@ class StationServices:
         self.feed = LiveFeed()
         self._links = links
         self._stored_links = stored_links
+        self._offers = offers
         self._make_flights = make_flights
         self._make_mavlink = make_mavlink
         self._make_jobs = make_jobs
@@ -74,7 +81,9 @@ class StationServices:
             ConflictError: another station uses the data directory.
             StorageError: the data directory or the database cannot be used.
         """
+        from gcs.services.plan_offers import PlanOffers
         from gcs.services.plan_service import PlanService
+        from gcs.services.replan_reports import ReplanReports
         from gcs.services.structure_service import StructureService
         from gcs.services.vehicle_service import VehicleService
         from gcs.storage.data_directory import owned_data_directory
@@ -95,13 +104,20 @@ class StationServices:
             self.telemetry_logs = TelemetryLogStore(self.data_dir)
             self.structures = StructureService(self.database, self.data_dir)
             self.structures.open()
-            self.plans = PlanService(self.database, self.feed, self.data_dir, (self._make_jobs or _planning_jobs)())
+            jobs = (self._make_jobs or _planning_jobs)()
+            self.plans = PlanService(self.database, self.feed, self.data_dir, jobs)
             self.plans.open()
             stack.push_async_callback(self.plans.close)
+            self.offers = PlanOffers(self.database, self.feed, self.plans, jobs, self.data_dir)
+            self.offers.open(by_itself=self._offers)
+            stack.push_async_callback(self.offers.close)
             mavlink = (self._make_mavlink or _mavlink_station)()
             keys = SigningKeyStore(self.data_dir, os.environ.get(PASSPHRASE_VARIABLE))
             self.vehicles = VehicleService(self.database, self.feed, mavlink, self._links, keys)
             stack.push_async_callback(self.vehicles.close)
+            self.replans = ReplanReports(self.database, self.feed, self.plans, self.vehicles)
+            self.replans.open()
+            stack.push_async_callback(self.replans.close)
             await self.vehicles.open(stored_links=self._stored_links)
             self.flights = (self._make_flights or _flight_service)(self)
             stack.push_async_callback(self.flights.close)

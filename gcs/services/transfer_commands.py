@@ -1,52 +1,36 @@
-"""`gcs upload` and `gcs download`: the transfer of mission, fence and rally points alone."""
+"""`gcs upload`, `gcs download` and `gcs clear`: the transfer of mission, fence and rally points alone."""
 
 from __future__ import annotations
 
 import math
-from contextlib import asynccontextmanager
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
-from gcs.core.errors import RefusedError
+from gcs.core.errors import IncompleteError, RefusedError
 from gcs.core.frames import GeoPoint
 from gcs.core.mission import Mission
-from gcs.mavlink.station import MavlinkStation
+from gcs.core.vehicle import Autopilot
+from gcs.mavlink.mission_protocol import MissionType
 from gcs.planning.scene.point_distance import SceneDistance
 from gcs.services.fence_rally import check_lists, upload_lists
 from gcs.services.fitted_upload import upload_fitted
 from gcs.services.mission_files import mission_planner_waypoints
 from gcs.services.mission_fitting import fit_mission
+from gcs.services.opened_link import opened_link
 from gcs.services.preflight import check_failsafes, check_limits, check_prediction
 from gcs.services.vehicle_model import vehicle_model
 from gcs.storage.plan_files import read_plan, read_structure
 
 if TYPE_CHECKING:
-    from collections.abc import AsyncIterator, Callable
+    from collections.abc import Callable
     from pathlib import Path
 
-    from gcs.mavlink.vehicle import Vehicle
     from gcs.services.mission_fitting import FittedMission
 
 VEHICLE_TIMEOUT_S = 30.0
 
 
-@asynccontextmanager
-async def connected_vehicle(url: str) -> AsyncIterator[Vehicle]:
-    """The first vehicle that answers on a link, for the time of an `async with` block.
-
-    Raises:
-        InputError: the URL is malformed.
-        LinkError: nobody answers.
-    """
-    station = MavlinkStation()
-    await station.open(url)
-    try:
-        yield await station.wait_for_vehicle(VEHICLE_TIMEOUT_S)
-    finally:
-        await station.close_all()
-
-
-async def upload_plan(out: Path, url: str, say: Callable[[str], None]) -> dict[str, Any]:
+async def upload_plan(out: Path, url: str, say: Callable[[str], None], data_dir: Path | None = None) -> dict[str, Any]:
     """Put the mission of a written plan on a vehicle and prove it; then its fence and its rally points, if it has any.
 
     The vehicle's limits and failsafes are read first: a plan beyond the limits, or whose predicted flight leaves the
@@ -56,15 +40,17 @@ async def upload_plan(out: Path, url: str, say: Callable[[str], None]) -> dict[s
         out: the plan's folder.
         url: of the link.
         say: takes lines for the operator.
+        data_dir: where the link's key is kept, if it is signed.
 
     Raises:
-        InputError: the folder holds no plan.
+        InputError: the folder holds no plan, or the passphrase of stored keys is missing or wrong.
         LinkError: nobody answers, or the link was lost; what the vehicle holds is then not known.
         RefusedError: the plan is beyond the vehicle's limits, its predicted flight leaves the clearance, or the vehicle
             refused.
     """
     plan = read_plan(out)
-    async with connected_vehicle(url) as vehicle:
+    async with opened_link(url, data_dir, VEHICLE_TIMEOUT_S) as link:
+        vehicle = link.vehicle
         limits = await vehicle.read_limits()
         checks = check_limits(plan, limits)
         autopilot, scene = vehicle.identity.autopilot, SceneDistance(read_structure(out), plan.scenario.ground_m)
@@ -95,8 +81,12 @@ async def upload_plan(out: Path, url: str, say: Callable[[str], None]) -> dict[s
         }
 
 
-async def download_mission(url: str) -> tuple[str, list[dict[str, Any]]]:
+async def download_mission(url: str, data_dir: Path | None = None) -> tuple[str, list[dict[str, Any]]]:
     """Read the mission that a vehicle holds.
+
+    Args:
+        url: of the link.
+        data_dir: where the link's key is kept, if it is signed.
 
     Returns:
         Content of a `.waypoints` file, and the items as JSON objects (None for NaN).
@@ -105,9 +95,38 @@ async def download_mission(url: str) -> tuple[str, list[dict[str, Any]]]:
         LinkError: nobody answers, or the link was lost.
         RefusedError: the vehicle refused.
     """
-    async with connected_vehicle(url) as vehicle:
+    async with opened_link(url, data_dir, VEHICLE_TIMEOUT_S) as link:
+        vehicle = link.vehicle
         items = await vehicle.download_mission()
         autopilot, home = vehicle.identity.autopilot, vehicle.telemetry.home
         place = GeoPoint(0.0, 0.0, 0.0) if home is None else home.value
     objects = [{**asdict(item), "params": [None if math.isnan(p) else p for p in item.params]} for item in items]
     return mission_planner_waypoints(Mission(items), autopilot, place), objects
+
+
+async def clear_list(url: str, name: str, mission_type: MissionType, data_dir: Path | None = None) -> None:
+    """Have a disarmed vehicle forget its mission, its fence or its rally points, and read that nothing is left of it.
+
+    Args:
+        url: of the link.
+        name: of the vehicle, or its system id.
+        mission_type: what to clear.
+        data_dir: where the link's key is kept, if it is signed.
+
+    Raises:
+        NotFoundError: another vehicle answers.
+        RefusedError: the vehicle is armed, keeps no such list, or does not clear it.
+        IncompleteError: it says that it has cleared it, and still holds some of it.
+        LinkError: nobody answers, or the link was lost.
+    """
+    async with opened_link(url, data_dir, VEHICLE_TIMEOUT_S) as link:
+        vehicle = link.station.vehicle(name)
+        await vehicle.until(lambda: vehicle.telemetry.armed is not None, VEHICLE_TIMEOUT_S, "its state")
+        armed = vehicle.telemetry.armed
+        if armed is None or armed.value:
+            raise RefusedError("lists are cleared on a vehicle that is disarmed", field=vehicle.identity.name)
+        await vehicle.clear_list(mission_type)
+        left = len(await vehicle.download_list(mission_type))
+    home_items = int(mission_type is MissionType.MISSION and vehicle.identity.autopilot is Autopilot.ARDUPILOT)
+    if left > home_items:
+        raise IncompleteError(f"it still holds {left} items of its {mission_type.noun}", field=vehicle.identity.name)

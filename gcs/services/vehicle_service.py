@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from gcs.mavlink.signing_setup import SigningProof
     from gcs.mavlink.station import MavlinkStation
     from gcs.mavlink.vehicle import Vehicle
+    from gcs.services.sighted_flight import SightedFlight
     from gcs.storage.database import Database
     from gcs.storage.signing_keys import SigningKeyStore
 
@@ -66,6 +67,8 @@ class VehicleView:
     mavlink_version: int | None = None
     ways: tuple[WayInfo, ...] = ()
     """The links on which it is heard, the one that is used first."""
+    position_source: str | None = None
+    """Where it has its position from while it has no fix of its own and is looked at by another vehicle."""
 
 
 @dataclass(frozen=True)
@@ -108,6 +111,7 @@ class VehicleService:
         self._messages: dict[int, deque[VehicleText]] = {}
         self._message_count = 0
         self._flights: dict[int, str] = {}
+        self._sighted: dict[int, SightedFlight] = {}
         self._tasks: list[asyncio.Task[None]] = []
 
     async def open(self, *, stored_links: bool = True) -> None:
@@ -243,10 +247,15 @@ class VehicleService:
 
     def set_flight(self, system_id: int, flight_id: str | None) -> None:
         """Say which flight a vehicle is on; shown with its telemetry."""
+        self._sighted.pop(system_id, None)
         if flight_id is None:
             self._flights.pop(system_id, None)
         else:
             self._flights[system_id] = flight_id
+
+    def set_position_source(self, system_id: int, sighted: SightedFlight) -> None:
+        """Say what positions a vehicle on its flight, where it has no fix; shown with its telemetry."""
+        self._sighted[system_id] = sighted
 
     async def _open(self, link: LinkRecord) -> None:
         try:
@@ -265,6 +274,7 @@ class VehicleService:
         return view
 
     def _view(self, vehicle: Vehicle) -> VehicleView:
+        sighted = self._sighted.get(vehicle.identity.system_id)
         return VehicleView(
             identity=vehicle.identity,
             telemetry=vehicle.telemetry,
@@ -276,6 +286,7 @@ class VehicleService:
             id_clash=vehicle.id_clash,
             mavlink_version=vehicle.mavlink_version,
             ways=self.station.ways(vehicle),
+            position_source=None if sighted is None else sighted.source,
         )
 
     async def _publish_telemetry(self) -> None:

@@ -170,13 +170,13 @@ def test_nan_parameters_stay_nan():
     assert bench.sent[0].param7 == 30.0
 
 
-def test_progress_is_told_where_the_vehicle_knows_it():
+def test_progress_is_told_with_the_share_where_the_vehicle_knows_it():
     told = []
     bench = Bench(on_progress=told.append)
     for percent in (0, 255, 20, 101, 75, 100):
         bench.ack(5, progress=percent)
     bench.ack(0)
-    assert told == [0.2, 0.75, 1.0]
+    assert told == [None, None, 0.2, 0.2, 0.75, 1.0]
     assert bench.t.result() is None
 
 

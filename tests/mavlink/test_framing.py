@@ -92,3 +92,28 @@ def test_the_packer_numbers_its_frames():
     heard = [m for _ in range(258) for m in parser.feed(packer.pack(heartbeat))]
     assert [m.get_seq() for m in heard] == [i % 256 for i in range(258)]
     assert {(m.get_srcSystem(), m.get_srcComponent()) for m in heard} == {(255, 190)}
+
+
+def test_a_datagram_that_was_cut_makes_the_next_one_wait_for_nothing():
+    parser, good = FrameParser(), frames(3)
+    assert times(parser.feed_datagram(good[0] + good[1][:-5])) == [1000]
+    assert times(parser.feed_datagram(good[2])) == [1002]
+    assert parser.bad_bytes == len(good[1]) - 5
+    assert times(parser.feed_datagram(good[0])) == [1000]
+    assert parser.bad_bytes == len(good[1]) - 5
+
+
+def test_frames_behind_a_false_marker_in_a_datagram_come_with_the_next_one():
+    parser, good = FrameParser(), frames(3)
+    assert parser.feed_datagram(bytes([0xFD, 255, 0, 0]) + good[0]) == []
+    assert times(parser.feed_datagram(good[1])) == [1000, 1001]
+    assert parser.bad_bytes == 4
+
+
+def test_a_bridge_that_cuts_a_serial_stream_into_datagrams_loses_nothing():
+    raw = b"".join(frames(20)) + b"".join(frames(2, mavlink1=True))
+    for size in (1, 2, 3, 7, 50, 128):
+        parser = FrameParser()
+        heard = [m for i in range(0, len(raw), size) for m in parser.feed_datagram(raw[i : i + size])]
+        assert times(heard) == [*range(1000, 1020), 1000, 1001]
+        assert parser.bad_bytes == 0

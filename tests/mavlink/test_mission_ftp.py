@@ -68,7 +68,7 @@ class Peer:
         return (await self.rig.run(fetch)).data
 
     async def write_to_autopilot(self, path, data, on_bytes=None):
-        store = StoreFile(path, data, 1, 1, self.rig.send, self.rig.clock, own_system=255, on_progress=on_bytes)
+        store = StoreFile(path, 1, 1, self.rig.send, self.rig.clock, data=data, own_system=255, on_progress=on_bytes)
         await self.rig.run(store)
 
 
@@ -225,7 +225,7 @@ async def test_progress_is_told_and_can_cancel(make_peer):
 
 def test_cancel_before_anything_was_heard(make_peer):
     rig = make_peer().rig
-    store = StoreFile("@MISSION/mission.dat", b"x", 1, 1, rig.send, rig.clock)
+    store = StoreFile("@MISSION/mission.dat", 1, 1, rig.send, rig.clock, data=b"x")
     store.start()
     store.cancel()
     assert store.step is StoreStep.DONE

@@ -92,7 +92,9 @@ def test_a_way_that_falls_silent_is_left_at_once(routes):
 
 
 def take(routes, link, peer, message, now):
-    return routes.take(link, peer, (message.from_system, message.from_component), message, now)
+    component = (message.from_system, message.from_component)
+    way = routes.hear(link, peer, component, now)
+    return way is not None and routes.take(component, way, message, now)
 
 
 def drive(routes, peers, round_trips_s, losses, seconds, start_s=0.0):
@@ -155,8 +157,7 @@ def test_made_up_senders_do_not_eat_the_memory_and_are_forgotten(routes):
 
 
 def test_an_unsigned_link_does_not_speak_for_a_vehicle_on_a_signed_one(routes):
-    assert routes.trusts(LTE, VEHICLE)
-    take(routes, SIGNED, FakePeer("signed"), Sender().say("x"), 0.0)
-    assert not routes.trusts(LTE, VEHICLE)
-    assert routes.trusts(SIGNED, VEHICLE)
-    assert routes.trusts(LTE, (2, 1))
+    assert take(routes, SIGNED, FakePeer("signed"), Sender().say("x"), 0.0)
+    assert not take(routes, LTE, FakePeer("lte"), Sender().say("y"), 0.0)
+    assert len(routes.ways(VEHICLE)) == 1
+    assert take(routes, LTE, FakePeer("lte"), Sender(2).say("x"), 0.0)

@@ -14,6 +14,7 @@ from gcs.core.errors import NotFoundError, RefusedError
 from gcs.core.frames import GeoPoint
 from gcs.core.mission import Mission, MissionItem
 from gcs.core.vehicle import Autopilot, VehicleIdentity
+from gcs.mavlink.events import ListChangedEvent
 from gcs.mavlink.mission_protocol import MissionType
 from gcs.mavlink.vehicle import Vehicle
 from gcs.mavlink.vehicle_channel import VehicleChannel
@@ -44,14 +45,14 @@ class Pair:
         self.simulated.add_channel(self._link)
         self.wall_s = 0.0
         for _ in range(250):
-            self._step(0.02)
+            self.step(0.02)
 
     def _send(self, message):
         self.asked.append(message.get_type())
         for m in self._link.receive(bytes(message.pack(self._packer))):
             self.simulated.handle(m, self._link)
 
-    def _step(self, seconds):
+    def step(self, seconds):
         self.wall_s += seconds
         self.simulated.step(seconds, self.wall_s)
         arrived, self._under_way = self._under_way, []
@@ -60,7 +61,7 @@ class Pair:
 
     async def live(self):
         while True:
-            self._step(TICK_S)
+            self.step(TICK_S)
             await asyncio.sleep(TICK_S)
 
 
@@ -190,3 +191,29 @@ async def test_a_camera_that_serves_no_files_sends_its_newest_picture(make_pair,
     assert picture.data == pair.simulated.folder.files["/DCIM/IMG_0002.JPG"]
     pair.simulated.options = VehicleOptions(1, HOME, HOME, _draw)
     assert (await pair.vehicle.fetch_file("/DCIM/IMG_0001.JPG")).data[:3] == b"\xff\xd8\xff"
+
+
+async def test_a_mission_that_is_changed_behind_our_back_is_told_once(make_pair):
+    pair = make_pair(Px4Vehicle, Autopilot.PX4)
+    vehicle, simulated, told = pair.vehicle, pair.simulated, []
+
+    def show(times=3):
+        for _ in range(times):
+            simulated.broadcast(simulated.telemetry.build(mavlink.MAVLINK_MSG_ID_MISSION_CURRENT))
+            pair.step(TICK_S)
+
+    def changes():
+        return [event.mission_type for event in told if isinstance(event, ListChangedEvent)]
+
+    vehicle.on_event = told.append
+    rows = [(22 if k == 0 else 16, 313620196 + 50 * k) for k in range(6)]
+    sent = [MissionItem(k, 5, command, (0.0,) * 4, x, 1216152897, 20.0) for k, (command, x) in enumerate(rows)]
+    await vehicle.upload_mission(Mission(tuple(sent)))
+    show()
+    assert changes() == []
+    simulated.missions.clear()
+    show()
+    assert changes() == [MissionType.MISSION]
+    assert await vehicle.download_mission() == ()
+    show()
+    assert changes() == [MissionType.MISSION], "what it holds is known again"

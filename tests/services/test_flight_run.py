@@ -18,7 +18,6 @@ from gcs.core.vehicle import (
     Heard,
     ImageReport,
     LandedState,
-    ReplanReport,
     Telemetry,
     VehicleIdentity,
 )
@@ -47,13 +46,9 @@ class Told:
         self.identity = VehicleIdentity(1, 1, Autopilot.PX4, 2)
         self.telemetry = Telemetry()
         self.stream = events.EventStream()
-        self.acknowledged = []
 
     def events(self):
         return self.stream.read()
-
-    def acknowledge_replan(self, report):
-        self.acknowledged.append(report.number)
 
     async def list_files(self, folder):
         raise LinkError("no answer")
@@ -101,7 +96,7 @@ async def followed(recorder):
         scenario=SimpleNamespace(anchor=SimpleNamespace(point=ANCHOR)),
     )
     vehicle = Told()
-    run = FlightRun(plan, HASH, vehicle, recorder)
+    run = FlightRun(plan, vehicle, recorder)
     run.start()
     await asyncio.sleep(0.01)
     await vehicle.show()
@@ -129,6 +124,14 @@ async def test_a_vehicle_that_is_not_heard_is_unknown_and_then_what_it_shows(fol
     await vehicle.show(FlightMode.RETURN)
     await vehicle.tell(events.LinkBackEvent(9.0))
     assert state(recorder) is FlightState.RETURNING
+
+
+async def test_progress_of_a_long_command_is_in_the_log(followed, recorder):
+    _run, vehicle = followed
+    await vehicle.tell(events.CommandProgressEvent("PREFLIGHT_CALIBRATION", None))
+    await vehicle.tell(events.CommandProgressEvent("PREFLIGHT_CALIBRATION", 0.4))
+    lines = [event.text for event in recorder.database.flights.events(FLIGHT) if event.kind == "command"]
+    assert lines == ["the vehicle is at work on PREFLIGHT_CALIBRATION" + done for done in ("", ", 40% done")]
 
 
 @pytest.mark.parametrize(
@@ -160,17 +163,6 @@ async def test_a_return_by_the_vehicles_own_failsafe_is_a_return(followed, recor
     problems = recorder.flight.problems
     assert any("viewpoints were not reached" in p for p in problems)
     assert any("went into return" in p for p in problems)
-
-
-async def test_a_detour_is_stored_once_and_acknowledged_every_time(followed, recorder):
-    _run, vehicle = followed
-    report = ReplanReport(7, 1, HASH, "an obstacle", 3, 10.0, 14.0, (place(5, 0, 10), place(8, 0, 12)))
-    for _ in range(3):
-        await vehicle.tell(events.ReplanEvent(report))
-    (stored,) = recorder.database.replans.of_flight(FLIGHT)
-    assert stored.matches_plan
-    assert stored.path_m[1] == pytest.approx((8.0, 0.0, 12.0), abs=0.02)
-    assert vehicle.acknowledged == [1, 1, 1]
 
 
 async def test_a_picture_taken_at_a_viewpoint_shows_that_it_was_reached(followed, recorder, monkeypatch):

@@ -7,10 +7,11 @@ import sys
 
 import pytest
 
-from gcs.core.errors import InputError
+from gcs.core.errors import InputError, NotFoundError
 from gcs.mavlink.station import MavlinkStation
-from gcs.services.link_signing import LinkSigningService
-from gcs.services.signing_commands import give_key, key_store, take_key_back
+from gcs.services.link_signing import LinkSigningService, key_store
+from gcs.services.signing_commands import give_key, share_key, take_key_back
+from gcs.storage.signing_keys import StoredKey
 
 pytestmark = pytest.mark.system
 
@@ -60,3 +61,14 @@ async def test_without_a_passphrase_no_vehicle_is_given_a_key(tmp_path, monkeypa
     monkeypatch.delenv("GCS_KEY", raising=False)
     with pytest.raises(InputError, match="GCS_KEY"):
         await give_key("udpin:127.0.0.1:1", "px4-1", tmp_path, rejects_unsigned=True)
+
+
+async def test_a_second_link_gets_the_key_of_the_first(tmp_path, monkeypatch):
+    monkeypatch.setenv("GCS_KEY", "correct horse")
+    radio, lte = "serial:/dev/ttyUSB0:57600", "udpin:0.0.0.0:14550"
+    keys = key_store(tmp_path)
+    with pytest.raises(NotFoundError, match="not signed"):
+        share_key(radio, lte, tmp_path)
+    keys.put(radio, StoredKey(bytes(range(32)), rejects_unsigned=True))
+    share_key(radio, lte, tmp_path)
+    assert keys.get(lte) == keys.get(radio)

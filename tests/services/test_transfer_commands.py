@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
+import asyncio
 import json
 import socket
 
 import pytest
 
-from gcs.core.errors import InputError, LinkError, RefusedError
+from gcs.core.errors import InputError, LinkError, NotFoundError, RefusedError
 from gcs.core.vehicle import Autopilot
 from gcs.mavlink.mission_protocol import MissionType
 from gcs.services import transfer_commands
 from gcs.services.mission_files import mission_of_plan
+from gcs.services.opened_link import opened_link
+from gcs.services.signing_commands import give_key
 from gcs.services.simulation import Simulator, SimulatorOptions
-from gcs.services.transfer_commands import connected_vehicle, download_mission, upload_plan
+from gcs.services.transfer_commands import clear_list, download_mission, upload_plan
 from gcs.storage.plan_files import read_plan
 
 
@@ -114,11 +117,51 @@ async def test_fence_and_rally_points_are_proved_and_never_taken_away(vehicle, b
     told = []
     assert (await upload_plan(box_plan, url, told.append))["lists"] == []
     assert any(line.startswith("needs acceptance: fence: the vehicle holds a fence of 4 items") for line in told)
-    async with connected_vehicle(url) as connected:
-        held = [await connected.download_list(t) for t in (MissionType.FENCE, MissionType.RALLY)]
-        assert [len(items) for items in held] == [4, 1], "what the plan did not bring is left as it is"
-        await connected.clear_list(MissionType.FENCE)
-        assert await connected.download_list(MissionType.FENCE) == ()
+    assert await held(url) == [4, 1], "what the plan did not bring is left as it is"
+    with pytest.raises(NotFoundError, match=f"heard so far: {kind}-1"):
+        await clear_list(url, "px4-7", MissionType.FENCE)
+    assert await held(url) == [4, 1]
+    await clear_list(url, f"{kind}-1", MissionType.FENCE)
+    assert await held(url) == [0, 1]
+    await clear_list(url, f"{kind}-1", MissionType.MISSION)
+    _, items = await download_mission(url)
+    assert items == []
+
+
+async def held(url):
+    async with opened_link(url, None, 30.0) as link:
+        return [len(await link.vehicle.download_list(t)) for t in (MissionType.FENCE, MissionType.RALLY)]
+
+
+@pytest.mark.system
+async def test_a_link_with_a_key_is_signed_for_transfers_too(vehicle, box_plan, tmp_path, monkeypatch):
+    monkeypatch.setenv("GCS_KEY", "correct horse")
+    url = vehicle("px4")
+    assert (await give_key(url, "px4-1", tmp_path, rejects_unsigned=True)).proved
+    proof = await upload_plan(box_plan, url, lambda line: None, tmp_path)
+    _, items = await download_mission(url, tmp_path)
+    assert proof["proved"]
+    assert len(items) == proof["items"]
+    await clear_list(url, "px4-1", MissionType.MISSION, tmp_path)
+    assert (await download_mission(url, tmp_path))[1] == []
+    with pytest.raises(LinkError):  # a station without the key is not answered
+        async with asyncio.timeout(60.0):
+            await download_mission(url, tmp_path / "elsewhere")
+    monkeypatch.delenv("GCS_KEY")
+    with pytest.raises(InputError, match="GCS_KEY"):
+        await download_mission(url, tmp_path)
+
+
+@pytest.mark.system
+async def test_lists_of_an_armed_vehicle_are_not_cleared(vehicle, box_plan):
+    url = vehicle("px4")
+    await upload_plan(box_plan, url, lambda line: None)
+    async with opened_link(url, None, 30.0) as link:
+        await link.vehicle.until(lambda: link.vehicle.telemetry.ready_to_arm is not None, 30.0, "its checks")
+        await link.vehicle.arm()
+        await link.vehicle.until(lambda: link.vehicle.telemetry.armed.value, 30.0, "it to arm")
+    with pytest.raises(RefusedError, match="disarmed"):
+        await clear_list(url, "px4-1", MissionType.MISSION)
 
 
 async def test_nobody_answers(box_plan, monkeypatch):

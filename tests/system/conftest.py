@@ -69,6 +69,12 @@ def free_port(kind=socket.SOCK_DGRAM):
     raise AssertionError("no port is left")
 
 
+@pytest.fixture(name="free_port")
+def free_port_fixture():
+    """Gives a port that nobody else takes."""
+    return free_port
+
+
 @pytest.fixture(scope="session", autouse=True)
 def compiled_once(tmp_path_factory):
     """Of the many processes only the first compiles the modules, also where bytecode is not to be written."""

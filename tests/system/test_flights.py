@@ -58,7 +58,7 @@ async def test_a_detour_is_reported_once(gcs, vehicle, small_plan, tmp_path, rec
     print(told.seconds, told.summary)
     assert told.status == 0, told.text
     is_whole(drone, small_plan, data)
-    assert records(data).rows("select number, matches_plan from replan_reports") == [(1, 1)]
+    assert records(data).rows("select number, plan_hash from replan_reports") == [(1, plan_hash(small_plan))]
     replan = drone.truth["replan"]
     assert replan["acknowledged"] == [1]
     assert replan["pending"] == []

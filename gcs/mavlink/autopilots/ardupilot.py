@@ -103,6 +103,7 @@ class ArduPilot(FlightStack):
     arming_mode = FlightMode.OFFBOARD
     camera_announces = False
     serves_lists_as_files = True
+    stream_loss_parameters = ("GUID_TIMEOUT",)
     limit_parameters = (
         "WPNAV_SPEED",
         "WPNAV_SPEED_UP",

@@ -87,6 +87,8 @@ class FlightStack(ABC):
     serves_lists_as_files = False
     """Whether the autopilot serves missions and parameters as files too (`@MISSION`, `@PARAM`)."""
     limit_parameters: tuple[str, ...] = ()
+    stream_loss_parameters: tuple[str, ...] = ()
+    """Of the limits, what says for how long it flies on when setpoints stop."""
     failsafe_parameters: tuple[str, ...] = ()
 
     @abstractmethod

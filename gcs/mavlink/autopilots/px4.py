@@ -98,6 +98,7 @@ class Px4(FlightStack):
     autopilot = Autopilot.PX4
     takes_acceleration_forward = True
     bytewise_parameters = True
+    stream_loss_parameters = ("COM_OF_LOSS_T",)
     limit_parameters = (
         "MPC_XY_VEL_MAX",
         "MPC_Z_VEL_MAX_UP",

@@ -142,6 +142,7 @@ class FlightStation:
             if self.by_hand is not None:
                 number = vehicle.stack.custom_mode(FlightMode.RETURN)
                 assert number is not None  # both stacks have one
+                vehicle.guard.take_back()  # the modes that the companion commanded are another's for this station
                 await commands.switch_mode(number)
             await channel.until(self._disarmed, LANDED_WITHIN_S, "the landing")
             await channel.until(lambda: not self._lease.reports_pending, REPORTED_WITHIN_S, "the last report")

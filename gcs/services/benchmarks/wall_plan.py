@@ -22,7 +22,7 @@ HEIGHT_M = 3.4
 """Of the points on the wall, so of about the whole flight: the planes of the lidar."""
 
 WALL_M = ((-16.0, 10.0, 0.0), (16.0, 11.0, 8.0))
-POINTS_EAST_M = (-6.0, -1.0, 4.0, 9.0)
+POINTS_EAST_M = (-10.0, -3.0, 4.0, 11.0)
 HOME_M = (-14.0, -10.0, 0.0)
 SAFETY = {"clearance_m": 0.5, "tracking_m": 0.3, "position_m": 0.2, "model_m": 0.1}
 ANCHOR = (31.3622, 121.6155, 4.0)

@@ -7,8 +7,8 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from gcs.core.errors import ConflictError, LinkError, RefusedError
 from gcs.core.vehicle import FlightMode
-from gcs.mavlink.events import ModeEvent, OffboardEnd, OffboardEndedEvent, PilotTookOverEvent
-from gcs.mavlink.offboard import Setpoint
+from gcs.mavlink.events import CommandProgressEvent, ModeEvent, OffboardEnd, OffboardEndedEvent, PilotTookOverEvent
+from gcs.mavlink.offboard import COMPONENT, Setpoint
 
 ARDUPILOT = mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA
 SETPOINT = "SET_POSITION_TARGET_LOCAL_NED"
@@ -115,6 +115,24 @@ async def test_a_pilot_who_takes_over_in_the_midst_of_a_start_ends_it(connected,
         await starting
     asked = [int(m.param3) for m in scripted.of("COMMAND_LONG") if m.command == 176]
     assert 4 not in asked, "mission mode was never asked for"
+
+
+async def test_what_a_long_command_is_at_is_told_at_every_tenth(connected):
+    scripted, vehicle = await connected()
+    scripted.results[400] = 5
+    told = []
+    vehicle.on_event = told.append
+    arming = asyncio.ensure_future(vehicle.arm())
+
+    def shares():
+        return [event.share for event in told if isinstance(event, CommandProgressEvent)]
+
+    await vehicle.until(lambda: shares() == [None], 30.0, "it to begin")
+    for percent in (20, 21, 22, 80):
+        scripted.send(mavlink.MAVLink_command_ack_message(400, 5, percent, 0, 255, 190))
+    await vehicle.until(lambda: shares() == [None, 0.2, 0.8], 30.0, "its progress")
+    assert {e.command for e in told if isinstance(e, CommandProgressEvent)} == {"COMPONENT_ARM_DISARM"}
+    arming.cancel()
 
 
 async def test_a_newer_command_ends_an_older_sequence(connected, modes):
@@ -236,6 +254,18 @@ async def test_the_source_is_flown_on_the_vehicles_clock(in_offboard):
     assert flown[-1].time_boot_ms == pytest.approx(now_ms, abs=500)
     assert len(flown) > 100, "fifty setpoints for each of five vehicle seconds, as far as this machine can"
     await session.stop()
+
+
+async def test_what_is_recorded_of_the_stream_is_what_the_vehicle_heard_from_a_component_of_its_own(in_offboard):
+    scripted, vehicle, session = await in_offboard()
+    recorded = []
+    vehicle.on_packet = lambda packet: recorded.append(bytes(packet))
+    await vehicle.until(lambda: sum(packet[6] == COMPONENT for packet in recorded) >= 3, 30.0, "some setpoints")
+    await session.stop()
+    heard = [bytes(m.get_msgbuf()) for m in scripted.of(SETPOINT)]
+    setpoints = [packet for packet in recorded if packet[5:7] == bytes([255, COMPONENT])]
+    first = heard.index(setpoints[0])
+    assert heard[first : first + len(setpoints)] == setpoints
 
 
 @pytest.mark.parametrize("new", ["posctl", "return", "hold"])

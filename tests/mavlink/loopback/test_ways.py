@@ -1,7 +1,9 @@
 """One vehicle over two links, and two vehicles under one id, with real packets."""
 
 import asyncio
+import socket
 import sys
+from types import SimpleNamespace
 
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
@@ -9,6 +11,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from gcs.core.errors import LinkError, RefusedError
 from gcs.core.mission import Mission, MissionItem
 from gcs.mavlink.events import IdClashEvent, StatusTextEvent
+from gcs.mavlink.signing import LinkSigning, Verdict, new_key
 from gcs.mavlink.station import MavlinkStation
 
 HOST = "127.0.0.1"
@@ -179,3 +182,64 @@ async def test_a_mission_transfer_survives_a_change_of_link(kind, tmp_path):
         await station.close_all()
         process.terminate()
         await asyncio.wait_for(process.wait(), 10.0)
+
+
+@pytest.fixture
+async def signed_vehicle():
+    """A simulated vehicle that a router sends over two links; the first is open and signed, the second is not open."""
+    station, key = MavlinkStation(), new_key()
+    url = await station.open(f"udpin:{HOST}:0")
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as free:
+        free.bind((HOST, 0))
+        other = free.getsockname()[1]
+    router = await Router().start(port_of(url), other)
+    process = await asyncio.create_subprocess_exec(
+        *(sys.executable, "-m", "sitl_mocks", "--autopilot", "px4", "--port", str(router.port)),
+        *("--tcp-base", "none", "--exit-with-parent"),
+        stdout=asyncio.subprocess.DEVNULL,
+    )
+    try:
+        vehicle = await station.wait_for_vehicle(60.0)
+        await vehicle.until(lambda: vehicle.telemetry.armed is not None, 30.0, "its state")
+        assert (await station.set_up_signing(vehicle, url, LinkSigning(key))).proved
+        yield SimpleNamespace(station=station, vehicle=vehicle, router=router, key=key, other=f"udpin:{HOST}:{other}")
+    finally:
+        router.close()
+        await station.close_all()
+        process.terminate()
+        await asyncio.wait_for(process.wait(), 10.0)
+
+
+@pytest.mark.system
+async def test_a_signed_vehicle_on_two_links_with_its_key_is_heard_once_and_survives_a_cut(signed_vehicle):
+    station, vehicle, router = signed_vehicle.station, signed_vehicle.vehicle, signed_vehicle.router
+    await station.open(signed_vehicle.other, LinkSigning(signed_vehicle.key))
+
+    def both_are_signed():
+        statuses = [info.signing for info in station.links]
+        return len(station.ways(vehicle)) == 2 and all(status.counts[Verdict.GOOD] > 50 for status in statuses)
+
+    await vehicle.until(both_are_signed, 30.0, "signed packets on both links")
+    assert [status.counts[Verdict.WRONG_KEY] for status in (info.signing for info in station.links)] == [0, 0]
+    heard = []
+    async with vehicle.messages() as messages:
+        async with asyncio.timeout(30.0):
+            while len(heard) < 100:
+                heard.append((await anext(messages)).packet)
+    assert len(set(heard)) > 90  # not 50; a machine that stalls for seconds lets a late copy through
+    used = next(way for way in station.ways(vehicle) if way.used)
+    router.legs[[info.url for info in station.links].index(used.url)].cut = True
+    assert await vehicle.read_failsafes()
+    assert next(way for way in station.ways(vehicle) if way.used).url != used.url
+
+
+@pytest.mark.system
+async def test_a_second_link_without_the_key_is_not_used_and_said(signed_vehicle, caplog):
+    station, vehicle = signed_vehicle.station, signed_vehicle.vehicle
+    await station.open(signed_vehicle.other)
+    await vehicle.until(lambda: any("is not" in line for line in caplog.messages), 30.0, "the warning")
+    assert len(station.ways(vehicle)) == 1
+    assert [line for line in caplog.messages if "signed" in line] == [
+        f"px4-1 is heard on {signed_vehicle.other} too, which is not used for it: another link to it is signed, "
+        "this one is not"
+    ]
