@@ -16,7 +16,6 @@ from gcs.core.errors import ConflictError, GcsError, LinkError, RefusedError
 from gcs.mavlink.canonical_form import compare
 from gcs.mavlink.events import ListChangedEvent, VehicleFoundEvent
 from gcs.services.changed_lists import note_changed_list
-from gcs.services.companion_flight import CompanionFlight
 from gcs.services.fence_rally import upload_lists
 from gcs.services.fitted_upload import remember_sampling, upload_fitted
 from gcs.services.flight_checks import FlightChecks
@@ -24,20 +23,19 @@ from gcs.services.flight_log import FlightLogs
 from gcs.services.flight_recorder import ERROR, NOTICE, FlightRecorder
 from gcs.services.flight_run import IN_THE_AIR, FlightRun
 from gcs.services.flight_types import OnVehicleMission, PreflightReport, allowed_actions
+from gcs.services.led_flights import LedFlights
 from gcs.services.mission_fitting import USUAL_SAMPLING, sampled_mission, sampling_of
-from gcs.services.offboard_flight import OffboardFlight, StreamEndedError
 from gcs.services.operator_commands import OneAtATime, require_confirmation
 from gcs.services.resumed_plan import plan_from_here
 from gcs.services.sighted_flight import SightedFlight
 from gcs.storage.records import FlightPath, FlightRecord, FlightState, UploadState
 
 if TYPE_CHECKING:
-    from collections.abc import Awaitable, Callable, Coroutine
+    from collections.abc import Coroutine
 
     from gcs.core.mission import Mission
     from gcs.core.plan import Plan
     from gcs.mavlink.vehicle import Vehicle
-    from gcs.planning.trajectories.retiming import TimeWarp
     from gcs.services.live_feed import LiveFeed
     from gcs.services.mission_fitting import FittedMission
     from gcs.services.plan_service import PlanService
@@ -84,6 +82,7 @@ class FlightControlService:
         self._tasks: set[asyncio.Task[None]] = set()
         self._uploads: dict[str, asyncio.Task[None]] = {}
         self._failures: dict[str, GcsError] = {}
+        self._led = LedFlights(database, self._spawn, self._not_begun)
 
     # ---- opening and closing the station ----
 
@@ -133,8 +132,7 @@ class FlightControlService:
                     if flight.mode is FlightPath.MISSION:
                         await self.read_back(flight.id)
                     elif flight.mode is FlightPath.COMPANION:
-                        run.companion = self._companion(run, flight)
-                        self._spawn(self._lead(run, run.companion.rejoin))
+                        self._led.rejoin(run, flight.plan_hash)
             except GcsError as error:
                 self._recorder(flight.id).log("station", str(error), severity=ERROR)
 
@@ -199,7 +197,7 @@ class FlightControlService:
         if confirm is not None:
             require_confirmation(vehicle, confirm)
         recorder = self._recorder(flight_id)
-        async with self._alone(flight_id):
+        async with OneAtATime(self._busy, flight_id):
             accepted = self._accept(recorder, flight, accept)
             checks = self._checks(flight, plan)
             fitted = await checks.fitted(vehicle)
@@ -262,11 +260,14 @@ class FlightControlService:
         require_confirmation(vehicle, confirm)
         self._failures.pop(flight_id, None)
         recorder = self._recorder(flight_id)
-        async with self._alone(flight_id):
+        async with OneAtATime(self._busy, flight_id):
             accepted = self._accept(recorder, flight, accept)
             checks = self._checks(flight, plan)
             (await checks.before_start(vehicle, accepted)).demand()
-            sighted = None if observer is None else await self._sighted(observer, vehicle, recorder)
+            sighted = None
+            if observer is not None:
+                sighted = SightedFlight(self._vehicles.vehicle(observer), vehicle, recorder.notice)
+                await sighted.check()
             if flight.mode is FlightPath.MISSION:
                 held = await self.read_back(flight_id)
                 if not held.equal:
@@ -281,18 +282,19 @@ class FlightControlService:
             await vehicle.announce_plan(flight.plan_hash)
             run = self._follow(flight, vehicle)
             if sighted is not None:
+                recorder.notice(f"{observer} looks at {flight.vehicle}, for where it has no position fix of its own")
                 run.position_by(sighted)
                 self._vehicles.set_position_source(flight.system_id, sighted)
             await run.collector.remember_earlier()
             recorder.log("command", f"start confirmed for {confirm}", severity=NOTICE)
             if flight.mode is FlightPath.COMPANION:
                 recorder.change(started_at=utc_now())
-                self._spawn(self._fly_with_companion(run, flight))
+                self._led.lend(run, flight.plan_hash)
                 return recorder.flight
             if flight.mode is FlightPath.OFFBOARD:
                 warp = await checks.stream_loss_warp(vehicle)
                 recorder.change(started_at=utc_now())
-                self._stream(run, self._offboard(run, plan, warp))
+                self._led.stream(run, plan, warp)
                 return recorder.flight
             try:
                 await vehicle.start_mission()
@@ -309,7 +311,7 @@ class FlightControlService:
         self._demand(flight, "resume")
         require_confirmation(vehicle, confirm)
         run, recorder = self._run(flight_id), self._recorder(flight_id)
-        async with self._alone(flight_id):
+        async with OneAtATime(self._busy, flight_id):
             accepted = self._accept(recorder, flight, accept)
             recorder.log("command", f"resume confirmed for {confirm}", severity=NOTICE)
             if vehicle.pilot_in_control:
@@ -322,7 +324,7 @@ class FlightControlService:
                 await run.companion.resume()
                 recorder.enter(FlightState.FLYING, "the companion goes on")
             elif flight.mode is FlightPath.COMPANION:
-                self._spawn(self._fly_with_companion(run, flight))
+                self._led.lend(run, flight.plan_hash)
             elif run.offboard is not None and run.offboard.streaming:
                 run.offboard.resume()
                 recorder.enter(FlightState.FLYING, "the stream goes on")
@@ -334,7 +336,7 @@ class FlightControlService:
                 (await checks.in_the_air(vehicle, accepted)).demand()
                 warp = await checks.stream_loss_warp(vehicle)
                 run.tracker.follow(rest.trajectory)
-                self._stream(run, self._offboard(run, rest, warp))
+                self._led.stream(run, rest, warp)
         return recorder.flight
 
     async def pause(self, flight_id: str) -> FlightRecord:
@@ -433,46 +435,11 @@ class FlightControlService:
         recorder.change(proved=True)
         recorder.enter(FlightState.UPLOADED, f"proved: {how}")
 
-    def _offboard(self, run: FlightRun, plan: Plan, warp: TimeWarp) -> OffboardFlight:
-        learned = self._database.dynamics.of(run.vehicle.identity.name)
-        return OffboardFlight(plan, warp, run.vehicle, run.recorder, run.collector, learned)
-
-    def _stream(self, run: FlightRun, offboard: OffboardFlight) -> None:
-        run.offboard = offboard
-        self._spawn(self._fly_offboard(run, offboard))
-
-    async def _fly_offboard(self, run: FlightRun, offboard: OffboardFlight) -> None:
-        run.recorder.enter(FlightState.ARMED, "going into offboard")
-        await self._lead(run, offboard.fly)
-        run.recorder.change(plan_time_s=offboard.plan_time_s)
-        self._database.dynamics.keep(run.vehicle.identity.name, run.recorder.flight_id, offboard.learned)
-
-    def _companion(self, run: FlightRun, flight: FlightRecord) -> CompanionFlight:
-        return CompanionFlight(run.plan, flight.plan_hash, run.vehicle, run.recorder)
-
-    async def _fly_with_companion(self, run: FlightRun, flight: FlightRecord) -> None:
-        run.companion = companion = self._companion(run, flight)
-        run.recorder.enter(FlightState.ARMED, "going to be led by its companion")
-        await self._lead(run, companion.fly)
-        run.recorder.change(plan_time_s=companion.plan_time_s)
-
-    async def _lead(self, run: FlightRun, fly: Callable[[Callable[[], None]], Awaitable[None]]) -> None:
-        """Have the vehicle led by setpoints until that ends, however it ends."""
-        recorder = run.recorder
-        try:
-            await fly(lambda: recorder.enter(FlightState.FLYING, "the vehicle follows setpoints"))
-        except StreamEndedError as error:
-            recorder.log("offboard", str(error), severity=ERROR)
-            run.show_mode()
-        except GcsError as error:
-            recorder.problem(str(error))
-            if run.vehicle.in_air:
-                run.show_mode()
-            else:
-                self._failures[recorder.flight_id] = error
-                recorder.enter(FlightState.ABORTED, str(error))
-                run.over.set()
-                await self._drop(recorder.flight_id)
+    async def _not_begun(self, run: FlightRun, error: GcsError) -> None:
+        self._failures[run.recorder.flight_id] = error
+        run.recorder.enter(FlightState.ABORTED, str(error))
+        run.over.set()
+        await self._drop(run.recorder.flight_id)
 
     def _follow(self, flight: FlightRecord, vehicle: Vehicle, *, airborne: bool = False) -> FlightRun:
         run = FlightRun(self._plans.read(flight.plan_id), vehicle, self._recorder(flight.id))
@@ -489,13 +456,6 @@ class FlightControlService:
             self._vehicles.set_flight(run.vehicle.identity.system_id, None)
             await run.close()
             await self._logs.end(flight_id)
-
-    async def _sighted(self, observer: str, vehicle: Vehicle, recorder: FlightRecorder) -> SightedFlight:
-        """Cooperative positioning of a vehicle, ready to run."""
-        sighted = SightedFlight(self._vehicles.vehicle(observer), vehicle, recorder.notice)
-        await sighted.check()
-        recorder.notice(f"{observer} looks at {vehicle.identity.name}, for where it has no position fix of its own")
-        return sighted
 
     def _run(self, flight_id: str) -> FlightRun:
         run = self._runs.get(flight_id)
@@ -537,9 +497,6 @@ class FlightControlService:
     def _demand(self, flight: FlightRecord, action: str) -> None:
         if action not in allowed_actions(flight.state, flight.mode):
             raise ConflictError(f"cannot {action} a flight that is {flight.state}", field=flight.id)
-
-    def _alone(self, flight_id: str) -> OneAtATime:
-        return OneAtATime(self._busy, flight_id)
 
     def _spawn(self, work: Coroutine[None, None, None]) -> asyncio.Task[None]:
         task = asyncio.get_running_loop().create_task(work)

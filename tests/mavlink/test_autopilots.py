@@ -3,7 +3,7 @@ import math
 import pytest
 from pymavlink import mavutil
 
-from gcs.core.errors import RefusedError
+from gcs.core.errors import LinkError, RefusedError
 from gcs.core.frames import GeoPoint
 from gcs.core.vehicle import Autopilot, FlightMode, Heard, MissionProgress, MissionState, Telemetry
 from gcs.mavlink.autopilots.ardupilot import ArduPilot
@@ -123,6 +123,30 @@ async def test_take_off_heights_px4_above_sea_ardupilot_above_home():
     assert ardupilot.told[2][1][6] == 30.0
     with pytest.raises(RefusedError, match="home"):
         await ArduPilot().take_off(Control(ArduPilot()), 34.0)
+
+
+class RefusesTakeOff(Control):
+    """Refuses to take off, as a vehicle in the air does; climbs or stays."""
+
+    def __init__(self, climbs):
+        super().__init__(ArduPilot(), home=GeoPoint(31.0, 121.0, 4.0))
+        self.climbs = climbs
+
+    async def command(self, call, *, brings_mode=None):
+        raise RefusedError("the vehicle refuses NAV_TAKEOFF: failed")
+
+    async def until_altitude(self, altitude_amsl_m, *, tolerance_m, timeout_s):
+        if not self.climbs:
+            raise LinkError("it does not climb")
+        await super().until_altitude(altitude_amsl_m, tolerance_m=tolerance_m, timeout_s=timeout_s)
+
+
+async def test_a_take_off_whose_first_answer_was_lost_goes_on():
+    climbing = RefusesTakeOff(climbs=True)
+    await ArduPilot().take_off(climbing, 34.0)
+    assert climbing.asked[-1] == ("until", 34.0)
+    with pytest.raises(RefusedError, match="NAV_TAKEOFF"):
+        await ArduPilot().take_off(RefusesTakeOff(climbs=False), 34.0)
 
 
 def test_gimbal_and_picture():

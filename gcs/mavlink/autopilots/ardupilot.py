@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import replace
 
-from gcs.core.errors import RefusedError
+from gcs.core.errors import GcsError, RefusedError
 from gcs.core.flight_law import ArduPilotLaw
 from gcs.core.mission import Command
 from gcs.core.vehicle import LAST_BATTERY, Autopilot, Failsafe, FlightMode, MissionProgress, MissionState, VehicleLimits
@@ -26,6 +26,8 @@ from gcs.mavlink.autopilots.base import (
 from gcs.mavlink.dialect import mavlink
 
 AUTO, GUIDED, LOITER, RTL, LAND, BRAKE, SMART_RTL = 3, 4, 5, 6, 9, 17, 21
+CLIMBS_M, CLIMBS_S = 1.0, 4.0
+"""A vehicle that comes so high above home within so long has taken off, whatever it answered."""
 MODE_NAMES = {
     0: "STABILIZE",
     1: "ACRO",
@@ -186,7 +188,15 @@ class ArduPilot(FlightStack):
         height_m = altitude_amsl_m - home.value.altitude_m
         await control.switch_mode(GUIDED)
         await control.arm_motors()
-        await control.command(CommandCall(Command.NAV_TAKEOFF, (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, height_m)))
+        try:
+            await control.command(CommandCall(Command.NAV_TAKEOFF, (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, height_m)))
+        except RefusedError as refusal:
+            # The answer to a first try may be lost, and a vehicle that climbs refuses the second.
+            climbing_m = home.value.altitude_m + min(CLIMBS_M, height_m)
+            try:
+                await control.until_altitude(climbing_m, tolerance_m=0.0, timeout_s=CLIMBS_S)
+            except GcsError:
+                raise refusal from None
         await control.until_altitude(altitude_amsl_m, tolerance_m=0.5, timeout_s=60.0)
 
     async def enter_offboard(self, control: FlightControl) -> None:

@@ -45,9 +45,9 @@ class Kind:
 PARKED = Kind("vehicle", (0.4, 1.2), 0.0, 8.0, (1.0, 1.0))
 LOW = Kind("vehicle", (0.8, 2.0), 0.0, 1.5, (1.0, 1.0))
 DRIVING = Kind("vehicle", (1.0, 2.0), 0.0, 8.0, (1.5, 3.0))
-WALKING = Kind("person", (0.3, 0.4), 2.2, 2.6, (0.7, 1.5))
-"""On a walkway or a lift: on the ground the vehicle would fly over them."""
-FLYING = Kind("drone", (0.4, 0.7), 2.6, 2.2, (2.0, 4.0))
+WALKING = Kind("person", (0.3, 0.4), 0.0, 8.0, (0.7, 1.5))
+FLYING = Kind("drone", (0.4, 0.7), 0.6, 6.0, (2.0, 4.0))
+"""Both taller than they are, for the lidar's plane to meet them wherever the hull can."""
 
 
 def random_obstacles(rng: np.random.Generator, way_m: NDArray[np.float64], home_m: NDArray[np.float64]) -> list[Spec]:
