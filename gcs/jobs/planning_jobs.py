@@ -205,7 +205,8 @@ class PlanningJobs:
             processes=True,
             host="127.0.0.1",
             dashboard_address="127.0.0.1:0",
-            silence_logs=logging.ERROR,
+            # A worker that closes late says as an error that its scheduler has gone; what jobs fail of is raised.
+            silence_logs=logging.CRITICAL,
         )
         self._client = Client(self._cluster)
         self._client.register_plugin(_gives_way())

@@ -21,6 +21,7 @@ from gcs.planning.trajectories.retiming import TimeWarp
 from gcs.planning.trajectories.stream_loss import StreamLoss
 from gcs.services.flight_checks import BRAKING_SHARE
 from gcs.services.offboard_flight import OffboardFlight
+from gcs.services.plan_clock import ClockReading, _Read
 
 RECORDS = Path(__file__).resolve().parents[2] / "../shared/records/px4/dense"
 OFFBOARD, GUIDED = 6, 4
@@ -125,7 +126,8 @@ def fly(ground, curve, *, learning, rate_hz=20.0, flight=None, until_s=None):
         ground.send(setpoint_message(hover, vehicle.time_s, (1, 1)))
         ground.run(1.0 / rate_hz)
     flight.resume()
-    flight._clock._rate, flight._clock._vehicle_s = 1.0, vehicle.time_s  # at full rate at once, as the recorded stream
+    # At full rate at once, as the recorded stream.
+    flight._clock._reads = (_Read(vehicle.time_s, 1.0, ClockReading(flight._clock.time_s, 1.0, 0.0)),)
     began_s, taken = vehicle.time_s, len(ground.heard)
     t, place, due_s = [], [], 0.0
     while vehicle.time_s - began_s < (until_s or curve.duration_s):

@@ -57,8 +57,8 @@ def _after_a_break() -> list[Row]:
     world.run(PATIENCE_S)
     reports = [report for _, report in world.stored]
     return [
-        Row(CASE, "after_break_missing", MADE_IN_BREAK - len({r.number for r in reports}), "1", "limit", 0.0),
-        Row(CASE, "after_break_twice_or_out_of_order", _misplaced(reports), "1", "limit", 0.0),
+        Row(CASE, "after_break_missing", float(MADE_IN_BREAK - len({r.number for r in reports})), "1", "limit", 0.0),
+        Row(CASE, "after_break_twice_or_out_of_order", float(_misplaced(reports)), "1", "limit", 0.0),
         Row(CASE, "after_break_all_there", max(at_s for at_s, _ in world.stored) - back_s, "s"),
     ]
 
