@@ -146,7 +146,7 @@ async def test_setpoints_are_followed_on_the_vehicles_clock_and_hold_in_the_end(
         while session.active:
             farthest = max(farthest, vehicle.telemetry.local_position_m.value[0] - centre[0])
             await asyncio.sleep(0.02)
-        assert session.end[0] is OffboardEnd.FINISHED
+        assert session.end[0] is OffboardEnd.FINISHED, session.end
         assert farthest == pytest.approx(6.0, abs=0.4)
         await vehicle.until(lambda: vehicle.telemetry.mode.value is FlightMode.HOLD, 20.0, "hold")
         await vehicle.return_home()
