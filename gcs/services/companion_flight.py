@@ -8,11 +8,10 @@ from contextlib import suppress
 from typing import TYPE_CHECKING
 
 from gcs.core.errors import GcsError
-from gcs.core.frames import geodetic_from_enu
 from gcs.core.vehicle import FlightMode
 from gcs.mavlink.companion_lease import COMPANION, OVER, LeaseOrder, LeaseState, OrderKind, lease_status
 from gcs.services.flight_recorder import NOTICE, WARNING
-from gcs.services.home_column import column_times
+from gcs.services.home_column import column_times, column_top_amsl_m
 from gcs.services.offboard_flight import StreamEndedError
 
 if TYPE_CHECKING:
@@ -72,10 +71,7 @@ class CompanionFlight:
         vehicle = self._vehicle
         if not vehicle.in_air:
             leave, _ = column_times(self._plan)
-            scenario = self._plan.scenario
-            top_m = float(self._plan.trajectory.value(leave)[2])
-            altitude = geodetic_from_enu([*scenario.home_m[:2], top_m], scenario.anchor.point)[2]
-            await vehicle.take_off(float(altitude))
+            await vehicle.take_off(column_top_amsl_m(self._plan, leave))
             await vehicle.until(lambda: vehicle.in_air, HOLDS_WITHIN_S, "it to say that it is in the air")
         vehicle.lend(to_companion=True)
         try:

@@ -6,6 +6,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from gcs.core.frames import geodetic_from_enu
+
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
@@ -31,6 +33,12 @@ def column_times(plan: Plan) -> tuple[float, float]:
         return 0.0, 0.0
     first, last = int(outside[0]), int(outside[-1])
     return float(t[max(first - 1, 0)]), float(t[min(last + 1, len(t) - 1)])
+
+
+def column_top_amsl_m(plan: Plan, leave_s: float) -> float:
+    """Height above mean sea level at which the plan leaves the take-off column, at a plan time."""
+    scenario, top_m = plan.scenario, float(plan.trajectory.value(leave_s)[2])
+    return float(geodetic_from_enu([*scenario.home_m[:2], top_m], scenario.anchor.point)[2])
 
 
 def streamed_times(plan: Plan, step_s: float) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:

@@ -18,12 +18,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from gcs.core.errors import GcsError, LinkError, RefusedError
-from gcs.core.frames import geodetic_from_enu, rigid_between, wrap_angle
+from gcs.core.frames import rigid_between, wrap_angle
 from gcs.core.learned_dynamics import NOTHING_LEARNED
 from gcs.mavlink.offboard import Setpoint
 from gcs.planning.views.viewing_angles import HOLD_S
 from gcs.services.flight_recorder import WARNING
-from gcs.services.home_column import SLEW, column_times
+from gcs.services.home_column import SLEW, column_times, column_top_amsl_m
 from gcs.services.passing_pictures import PassingPictures
 from gcs.services.plan_clock import PlanClock
 from gcs.services.stream_feed_forward import StreamFeedForward
@@ -97,7 +97,7 @@ class OffboardFlight:
         leave, enter = column_times(plan)
         self._clock = PlanClock(warp.time_of(leave), slew=SLEW, paused=True, vehicle_now=self._vehicle_now)
         self._land_at_s = warp.time_of(enter)
-        self._take_off_m = float(plan.trajectory.value(leave)[2])
+        self._leave_s = leave
         self._rotation = np.eye(3)
         self._shift = np.zeros(3)
         self._known_before = learned
@@ -146,11 +146,10 @@ class OffboardFlight:
             raise LinkError("it did not tell its origin", field=self._vehicle.identity.name)
         await self._predict()
         self._rotation, self._shift = rigid_between(self._plan.scenario.anchor.point, origin.value)
-        altitude = geodetic_from_enu(
-            [*self._plan.scenario.home_m[:2], self._take_off_m], self._plan.scenario.anchor.point
-        )
         self._session = session = await self._vehicle.offboard(
-            f"flight {self._recorder.flight_id}", take_off_altitude_amsl_m=float(altitude[2]), deadman_s=DEADMAN_S
+            f"flight {self._recorder.flight_id}",
+            take_off_altitude_amsl_m=column_top_amsl_m(self._plan, self._leave_s),
+            deadman_s=DEADMAN_S,
         )
         feeding = asyncio.create_task(self._feed(session))
         self._vehicle.on_motion = self._learn

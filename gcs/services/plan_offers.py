@@ -14,8 +14,7 @@ from gcs.services.flight_recorder import ERROR, NOTICE, log_line
 from gcs.services.live_feed import FeedEvent, FlightChanged, LiveFeed, OfferChanged, ReplanStored
 from gcs.services.remaining_flight import pictured_before
 from gcs.services.resumed_plan import write_plan_from_home
-from gcs.storage.atomic_files import remove_partials
-from gcs.storage.errors import storage_error
+from gcs.storage.atomic_files import open_folder
 from gcs.storage.plan_files import read_report
 from gcs.storage.records import Failure, OfferState, PlanOfferRecord, ViewpointFateName
 
@@ -68,11 +67,7 @@ class PlanOffers:
         Raises:
             StorageError: it cannot be made.
         """
-        try:
-            self._folder.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise storage_error(error, self._folder) from error
-        remove_partials(self._folder)
+        open_folder(self._folder)
         for offer in self._database.offers.in_state(OfferState.PLANNING):
             why = Failure("Interrupted", "the station ended while this plan was being made: ask for it again")
             self._database.offers.update(offer.id, state=OfferState.FAILED, failure=vars(why))

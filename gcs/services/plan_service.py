@@ -16,8 +16,7 @@ from gcs.core.plan import Plan
 from gcs.core.progress import SilentProgress
 from gcs.core.scenario import Scenario, parse_scenario
 from gcs.services.live_feed import JobChanged, LiveFeed, PlanChanged, PlanDeleted
-from gcs.storage.atomic_files import new_directory, remove_partials
-from gcs.storage.errors import storage_error
+from gcs.storage.atomic_files import new_directory, open_folder
 from gcs.storage.records import Failure, JobRecord, JobState, PlanRecord, PlanState
 
 if TYPE_CHECKING:
@@ -138,11 +137,7 @@ class PlanService:
         Raises:
             StorageError: it cannot be made.
         """
-        try:
-            self._folder.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise storage_error(error, self._folder) from error
-        remove_partials(self._folder)
+        open_folder(self._folder)
 
     async def close(self) -> None:
         """End all jobs; those that were running are marked interrupted."""

@@ -12,8 +12,7 @@ from typing import IO, TYPE_CHECKING, Any, Literal, get_args
 from gcs.core.clock import new_id, utc_now
 from gcs.core.errors import InputError, RefusedError
 from gcs.core.structure_source import MeshSource, SampleName, StructureSource
-from gcs.storage.atomic_files import new_directory, remove_partials
-from gcs.storage.errors import storage_error
+from gcs.storage.atomic_files import new_directory, open_folder
 from gcs.storage.records import StructureRecord
 
 if TYPE_CHECKING:
@@ -73,11 +72,7 @@ class StructureService:
         Raises:
             StorageError: it cannot be made.
         """
-        try:
-            self.folder.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise storage_error(error, self.folder) from error
-        remove_partials(self.folder)
+        open_folder(self.folder)
 
     def list(self) -> list[StructureInfo]:
         """Samples first, then what was brought in, newest first."""

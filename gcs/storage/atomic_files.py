@@ -75,6 +75,19 @@ def new_directory(path: Path, is_ours: Callable[[Path], bool]) -> Iterator[Path]
         raise storage_error(error, path) from error
 
 
+def open_folder(folder: Path) -> None:
+    """Make a folder unless it is there, and remove what a killed process left half-written in it.
+
+    Raises:
+        StorageError: it cannot be made.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise storage_error(error, folder) from error
+    remove_partials(folder)
+
+
 def remove_partials(directory: Path) -> None:
     """Remove what a killed process left half-written in a directory."""
     for left in directory.glob(f"{PARTIAL}*"):

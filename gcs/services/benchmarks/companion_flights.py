@@ -18,6 +18,7 @@ from gcs.mavlink.report_outbox import ReportOutbox
 from gcs.services.benchmarks.flight_station import STATION, FlightStation
 from gcs.services.benchmarks.lockstep_worlds import Order
 from gcs.services.benchmarks.random_obstacles import random_obstacles
+from gcs.services.benchmarks.report_world import ReportsInMemory
 from gcs.services.benchmarks.wall_plan import ANCHOR, HOME_M, WallPlans, wall_plan
 from gcs.services.companion.core import CompanionCore
 
@@ -66,27 +67,16 @@ class FlightOutcome:
         return self.viewpoints - self.photographed - self.skipped
 
 
-class _ReportMemory:
-    """A `gcs.mavlink.report_outbox.ReportStore` that does not outlive the companion.
-
-    Attributes:
-        added: all that were ever kept.
-    """
+class _AllReports(ReportsInMemory):
+    """Remembers beside what waits all that ever did."""
 
     def __init__(self) -> None:
+        super().__init__()
         self.added: list[ReplanReport] = []
 
-    def load(self) -> list[ReplanReport]:
-        return []
-
     def keep(self, report: ReplanReport) -> None:
+        super().keep(report)
         self.added.append(report)
-
-    def remove(self, report: ReplanReport) -> None:
-        """What was added stays so."""
-
-    def set_aside(self, report: ReplanReport) -> None:
-        """Likewise."""
 
 
 class _End:
@@ -127,7 +117,7 @@ async def fly_once(seed: int) -> FlightOutcome:
         return now_s
 
     air, cable = _End(STATION), _End((SYSTEM_ID, COMPANION))
-    memory = _ReportMemory()
+    memory = _AllReports()
     outbox = ReportOutbox(memory, cable.send, clock, boot_id=seed)
     core = CompanionCore(system_id=SYSTEM_ID, send=cable.send, clock=clock, plans=WallPlans(), outbox=outbox)
     altitude = float(geodetic_from_enu(take_off_m, made.plan.scenario.anchor.point)[2])
