@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import secrets
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from typing import TYPE_CHECKING
 
 from gcs.core.errors import GcsError
@@ -15,7 +15,7 @@ from gcs.services.home_column import column_times, column_top_amsl_m
 from gcs.services.offboard_flight import StreamEndedError
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Iterator
 
     from gcs.core.plan import Plan
     from gcs.mavlink.companion_lease import LeaseStatus
@@ -73,13 +73,10 @@ class CompanionFlight:
             leave, _ = column_times(self._plan)
             await vehicle.take_off(column_top_amsl_m(self._plan, leave))
             await vehicle.until(lambda: vehicle.in_air, HOLDS_WITHIN_S, "it to say that it is in the air")
-        vehicle.lend(to_companion=True)
-        try:
+        with self._lent():
             self._take(await self._order(OrderKind.FLY))
             on_flying()
             await self._follow()
-        finally:
-            vehicle.lend(to_companion=False)
 
     async def rejoin(self, on_flying: Callable[[], None]) -> None:
         """After a restart of the station: follow a companion that leads this plan, once it is heard; command nothing.
@@ -95,13 +92,10 @@ class CompanionFlight:
                     break
             else:
                 return
-        self._vehicle.lend(to_companion=True)
-        try:
+        with self._lent():
             self._take(status)
             on_flying()
             await self._follow()
-        finally:
-            self._vehicle.lend(to_companion=False)
 
     async def pause(self) -> None:
         """Have the companion slow down to a hover; it keeps the lease."""
@@ -110,6 +104,14 @@ class CompanionFlight:
     async def resume(self) -> None:
         """Have it go on after a pause."""
         self._take(await self._order(OrderKind.RESUME))
+
+    @contextmanager
+    def _lent(self) -> Iterator[None]:
+        self._vehicle.lend(to_companion=True)
+        try:
+            yield
+        finally:
+            self._vehicle.lend(to_companion=False)
 
     async def _order(self, kind: OrderKind) -> LeaseStatus:
         return await self._vehicle.order_companion(LeaseOrder(self._lease, kind, self._plan_hash))
