@@ -335,7 +335,7 @@ def _with_drift(scenario: Scenario, scene: Scene, start: NDArray[np.float64]) ->
     safety = scenario.safety
     room = float(scene.distance.distance(start[None])[0]) - scenario.vehicle.radius_m
     drifted = safety.hull_clearance_m - room
-    used = min(drifted + BACK_BENDS_M, safety.tracking_m) if drifted > 0 else 0.0
+    used = min(max(drifted + BACK_BENDS_M, 0.0), safety.tracking_m)
     return scenario.model_copy(update={"safety": safety.model_copy(update={"tracking_m": safety.tracking_m - used})})
 
 

@@ -11,7 +11,7 @@ from gcs.core.progress import SilentProgress
 from gcs.core.scenario import Battery, Fence
 from gcs.core.structure import Structure
 from gcs.planning.flights.flight_scene import prepare_scene
-from gcs.planning.planner import MOST_DRIFT_M, make_plan, plan_rest
+from gcs.planning.planner import BACK_BENDS_M, MOST_DRIFT_M, make_plan, plan_rest
 
 SIDES = {"east": (1, 0), "north": (0, 1), "west": (-1, 0), "south": (0, -1)}
 POINTS = tuple(
@@ -196,6 +196,19 @@ def test_a_vehicle_that_has_drifted_a_little_goes_back_first(planned, scenario, 
     np.testing.assert_allclose(rest.trajectory.value([0.0])[0], start, atol=1e-6)
     assert rest.certificates.min_clearance_m >= scenario.safety.hull_clearance_m - 1e-9
     keeps_clear(rest, scenario)
+
+
+@pytest.mark.parametrize("room", [0.015, 0.002, -0.03])
+@pytest.mark.parametrize("slant", [-0.7, 0.0, 0.7])
+def test_the_bend_of_the_way_back_is_allowed_for_wherever_the_hover_is(planned, scenario, tower, scene, room, slant):
+    """A hover with hardly more room than is asked leaves no more for its way back than one with a little less."""
+    plan, _ = planned
+    asked = scenario.vehicle.radius_m + scenario.safety.hull_clearance_m
+    start = np.array([-(4.0 + asked + room), slant, 12.0])
+    rest = plan_rest(scenario, tower, scene, plan.viewpoints[-2:], start, SilentProgress())
+    assert rest.certificates.min_clearance_m >= scenario.safety.hull_clearance_m + min(room, 0.0) - BACK_BENDS_M
+    _, positions = sampled(rest)
+    assert to_the_tower(positions).min() >= asked + min(room, 0.0) - BACK_BENDS_M
 
 
 def test_a_vehicle_that_hovers_too_near_is_not_flown(planned, scenario, tower, scene):
