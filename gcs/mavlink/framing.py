@@ -74,6 +74,10 @@ class FrameParser:
         What was left may be a frame that was cut, or a false marker with frames behind it. Bridges that cut a serial
         stream at will go on with it instead.
         """
+        if not self._rest and len(data) > HEADER_V2 and data[0] == MARKER_V2 and not data[2]:
+            message = _message(data) if len(data) == data[1] + HEADER_V2 + CHECKSUM else None
+            if message is not None:  # by far the most: one packet, whole and unsigned
+                return [message]
         hidden = self._give_up_rest() if self._rest and _begins_with_frame(data) else []
         return hidden + self.feed(data)
 

@@ -15,7 +15,6 @@ from collections.abc import Hashable
 WATCHED_S = 5.0
 RETURNS = 3
 CLOCK_BACK_S = 2.0
-CLOCK_EVERY_S = 0.1
 COUNTER_RETURNS = 8
 FAR_APART = 16
 """Packet numbers this close may be one count, with packets lost or late."""
@@ -30,7 +29,6 @@ class IdClashWatch:
 
     def __init__(self) -> None:
         self._newest_boot_s: float | None = None
-        self._clock_at: dict[Hashable, float] = {}
         self._clock_returns: deque[float] = deque(maxlen=RETURNS)
         self._counters: dict[Hashable, _TwoCounters] = {}
         self._units: dict[Hashable, tuple[str, float]] = {}
@@ -41,20 +39,14 @@ class IdClashWatch:
         """How two vehicles were told apart, in words for people; None when there is but one."""
         return self._reason if now_s - self._seen_at < KEPT_S else None
 
-    def wants_clock(self, way: Hashable, now_s: float) -> bool:
-        """Whether the clock is to be read out of a message on this way; some of them will do."""
-        return now_s - self._clock_at.get(way, float("-inf")) >= CLOCK_EVERY_S
-
-    def clock(self, way: Hashable, boot_s: float, now_s: float, rate: float = 1.0) -> None:
+    def clock(self, boot_s: float, now_s: float, rate: float = 1.0) -> None:
         """Take the vehicle's clock (s since boot) as one of its messages has it.
 
         Args:
-            way: on which it was heard.
             boot_s: of the message.
             now_s: the station's monotonic time.
             rate: vehicle seconds per station second.
         """
-        self._clock_at[way] = now_s
         newest, self._newest_boot_s = self._newest_boot_s, boot_s
         if newest is None or boot_s >= newest - CLOCK_BACK_S * max(rate, 1.0):
             return
@@ -62,16 +54,15 @@ class IdClashWatch:
         if len(self._clock_returns) == RETURNS and now_s - self._clock_returns[0] < WATCHED_S:
             self._found(f"clocks {newest - boot_s:.0f} s apart are heard in turns", now_s)
 
-    def number(self, way: Hashable, sequence: int, now_s: float) -> None:
-        """Take the number of a packet that was heard on a way."""
+    def jump(self, way: Hashable, earlier: int, sequence: int, now_s: float) -> None:
+        """Take the numbers of two packets, one after the other on a way, that do not follow each other."""
         counters = self._counters.get(way)
         if counters is None:
             if len(self._counters) >= MAX_WAYS:
                 self._counters.clear()
-                self._clock_at.clear()
                 self._units.clear()
-            counters = self._counters[way] = _TwoCounters(sequence)
-        elif counters.returns(sequence, now_s):
+            counters = self._counters[way] = _TwoCounters()
+        if counters.returns(earlier, sequence, now_s):
             self._found("packets are numbered by two counters in turns", now_s)
 
     def unit(self, way: Hashable, unit: str, now_s: float) -> None:
@@ -86,19 +77,16 @@ class IdClashWatch:
 
 
 class _TwoCounters:
-    """The packet numbers of one way: where the count stands, and where another was left."""
+    """The packet numbers of one way: where a count was left."""
 
-    def __init__(self, sequence: int) -> None:
-        self._here = sequence
+    def __init__(self) -> None:
         self._left: int | None = None
         self._returned = False
         self._returns: deque[float] = deque(maxlen=COUNTER_RETURNS)
 
-    def returns(self, sequence: int, now_s: float) -> bool:
+    def returns(self, here: int, sequence: int, now_s: float) -> bool:
         """Whether, with this number, it has gone to and fro between two counts too often for one vehicle."""
-        here, left = self._here, self._left
-        step = (sequence - here) % 256
-        self._here = sequence
+        left, step = self._left, (sequence - here) % 256
         if step <= FAR_APART or step >= 256 - FAR_APART:
             return False
         self._left = here

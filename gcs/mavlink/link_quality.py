@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from statistics import median
 
 WINDOW_S = 10.0
-SLICE_S = 0.1
+SLICE_S = 0.5
 RESTART_GAP = 128
 QUESTIONS_OPEN = 16
 ROUND_TRIPS_KEPT = 32
@@ -32,56 +32,53 @@ class SequenceMeter:
     """Counts messages and gaps of any number of senders; every component numbers its messages itself, modulo 256."""
 
     def __init__(self) -> None:
-        self._last: dict[int, int] = {}
+        self._next: dict[int, int] = {}
         self._slices: deque[_Slice] = deque()
-        self._heard = self._lost = 0
-        self._since: float | None = None
+        self._newest = _Slice(float("-inf"))
 
     def count(self, component_id: int, sequence: int, now_s: float) -> None:
         """Take the sequence number of a message.
 
         A message that comes twice or late (a gap of more than half the circle) counts as heard and ends no gap.
         """
-        last = self._last.get(component_id)
-        gap = 0 if last is None else (sequence - last - 1) % 256
-        if gap >= RESTART_GAP:
-            gap = 0
+        gap = (sequence - self._next.get(component_id, sequence)) % 256
+        if gap < RESTART_GAP:
+            self._next[component_id] = sequence + 1
         else:
-            self._last[component_id] = sequence
-        slices = self._slices
-        if not slices or now_s - slices[-1].since_s >= SLICE_S:
-            if self._since is None:
-                self._since = now_s
-            slices.append(_Slice(now_s))
-            self._forget(now_s)
-        newest = slices[-1]
+            gap = 0
+        newest = self._newest
+        if now_s - newest.since_s >= SLICE_S:
+            newest = self._begin_slice(now_s)
         newest.heard += 1
         newest.lost += gap
-        self._heard += 1
-        self._lost += gap
 
     def restart(self) -> None:
         """The messages come another way from now on, on which they have other numbers."""
-        self._last.clear()
+        self._next.clear()
 
     def quality(self, now_s: float) -> LinkQuality:
         """The quality over the window that ends now."""
         self._forget(now_s)
-        if self._since is None or self._heard == 0:
+        heard, lost = sum(each.heard for each in self._slices), sum(each.lost for each in self._slices)
+        if heard == 0:
             return LinkQuality(0.0, None)
-        span = min(WINDOW_S, max(now_s - self._since, 1.0))
-        return LinkQuality(self._heard / span, self._lost / (self._heard + self._lost))
+        span = max(now_s - self._slices[0].since_s, 1.0)
+        return LinkQuality(heard / span, lost / (heard + lost))
+
+    def _begin_slice(self, now_s: float) -> _Slice:
+        self._newest = _Slice(now_s)
+        self._slices.append(self._newest)
+        self._forget(now_s)
+        return self._newest
 
     def _forget(self, now_s: float) -> None:
         while self._slices and self._slices[0].since_s < now_s - WINDOW_S:
-            old = self._slices.popleft()
-            self._heard -= old.heard
-            self._lost -= old.lost
+            self._slices.popleft()
 
 
-@dataclass
+@dataclass(slots=True)
 class _Slice:
-    """What was heard in a tenth of a second; counts of slices instead of single messages keep a flood small."""
+    """What was heard in half a second; counts of slices instead of single messages keep a flood small."""
 
     since_s: float
     heard: int = 0

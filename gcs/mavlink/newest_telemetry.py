@@ -9,6 +9,7 @@ from __future__ import annotations
 import logging
 import threading
 from dataclasses import replace
+from operator import itemgetter
 
 from gcs.core.vehicle import Telemetry
 from gcs.mavlink.dialect import Message
@@ -51,10 +52,8 @@ class NewestTelemetry:
         if reader is None:
             return False
         if kind in FREQUENT:
-            key = (kind, message.get_srcComponent())
             with self._lock:
-                self._waiting.pop(key, None)  # so that they are read in the order in which they came
-                self._waiting[key] = (reader, message, now_s)
+                self._waiting[kind, message.get_srcComponent()] = (reader, message, now_s)
             return True
         changes = reader(message, now_s)
         with self._lock:
@@ -68,7 +67,7 @@ class NewestTelemetry:
         with self._lock:
             waiting, self._waiting = self._waiting, {}
             changes, self._changes = self._changes, {}
-            for reader, message, heard_s in waiting.values():
+            for reader, message, heard_s in sorted(waiting.values(), key=itemgetter(2)):
                 try:
                     changes |= reader(message, heard_s)
                 except Exception:  # untrusted input: whoever looks is not to pay for it

@@ -84,6 +84,10 @@ class Way:
         self.link = link
         self.peer = peer
         self.heard_s = heard_s
+        self.number: int | None = None
+        """Of its last packet."""
+        self.clock_read_s = float("-inf")
+        """When the vehicle's clock was last read out of one of its messages."""
         self.meter = SequenceMeter()
         self.round_trips = RoundTripMeter()
         self.better_since_s: float | None = None

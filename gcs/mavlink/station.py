@@ -33,6 +33,7 @@ log = logging.getLogger(__name__)
 TICK_S = 0.1
 HEARTBEAT = int(mavlink.MAVLINK_MSG_ID_HEARTBEAT)
 COMPARE_S = 1.0
+CLOCK_EVERY_S = 0.1
 RATE_WINDOW_S = 2.0
 
 
@@ -292,14 +293,18 @@ class MavlinkStation:
 
     def _watch(self, vehicle: Vehicle, way: Way, message: ReceivedMessage, now: float) -> None:
         """Look for a second vehicle with this id, and for answers to what was asked on each way."""
-        watch, kind = self._clashes[vehicle.identity.system_id], message.layout.name
-        watch.number(way.peer, message.running_number, now)
-        if kind in TIME_STAMPED and watch.wants_clock(way.peer, now):
-            watch.clock(way.peer, message.time_boot_ms * 1e-3, now, vehicle.clock.rate)
+        system_id, kind, number = message.from_system, message.layout.name, message.running_number
+        earlier, way.number = way.number, number
+        if earlier is not None and (number - earlier) % 256 != 1:
+            self._clashes[system_id].jump(way.peer, earlier, number, now)
+        if kind in TIME_STAMPED:
+            if now - way.clock_read_s >= CLOCK_EVERY_S:
+                way.clock_read_s = now
+                self._clashes[system_id].clock(message.time_boot_ms * 1e-3, now, vehicle.clock.rate)
         elif kind in WAY_ANSWERS:
             way.hear(message, now)
             if way.unit is not None:
-                watch.unit(way.peer, way.unit, now)
+                self._clashes[system_id].unit(way.peer, way.unit, now)
 
     def _way_changed(self, component: Component, way: Way) -> None:
         vehicle = self._vehicles.get(component[0])

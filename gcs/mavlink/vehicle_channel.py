@@ -108,7 +108,7 @@ class VehicleChannel:
     def publish(self, message: Message) -> None:
         """A message of the vehicle was heard."""
         self._heard.publish(message)
-        for exchange in tuple(self._exchanges):
+        for exchange in self._exchanges:
             exchange.hear(message)
 
     def check(self) -> None:

@@ -15,6 +15,7 @@ from gcs.core.frames import GeoPoint
 from gcs.core.mission import Mission, MissionItem
 from gcs.core.vehicle import Autopilot, VehicleIdentity
 from gcs.mavlink.events import ListChangedEvent
+from gcs.mavlink.framing import FrameParser
 from gcs.mavlink.mission_protocol import MissionType
 from gcs.mavlink.vehicle import Vehicle
 from gcs.mavlink.vehicle_channel import VehicleChannel
@@ -36,9 +37,9 @@ class Pair:
         self.simulated = cls(VehicleOptions(1, HOME, HOME, _draw, **options))
         self.asked = []
         packer = mavlink.MAVLink(None, srcSystem=255, srcComponent=190)
-        parser = mavlink.MAVLink(None)
+        parser = FrameParser()
         self._under_way = []
-        self._link = Channel(1, lambda packet: self._under_way.extend(parser.parse_buffer(packet) or []))
+        self._link = Channel(1, lambda packet: self._under_way.extend(parser.feed(packet)))
         channel = VehicleChannel((1, 1), (255, 190), self._send, time.monotonic)
         self.vehicle = Vehicle(VehicleIdentity(1, 1, autopilot, 2), channel, lost_after_s=1e9)
         self._packer = packer
