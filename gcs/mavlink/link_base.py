@@ -45,6 +45,7 @@ class Peer:
 
     Attributes:
         outlet: tells where the packets go now; None while the link is down.
+        link_id: in the signatures of what is sent.
         name: address, for people.
         heard_at: station time of its last good message; None when it was never heard.
     """
@@ -56,8 +57,10 @@ class Peer:
         packer: FramePacker,
         outlet: Callable[[], Outlet | None],
         signing: Callable[[], LinkSigning | None] = lambda: None,
+        link_id: int = 0,
     ) -> None:
         self.name = name
+        self.link_id = link_id
         self.outlet = outlet
         self.heard_at: float | None = None
         self.parser = FrameParser()
@@ -72,7 +75,7 @@ class Peer:
         with self._lock:
             packet = self._packer.pack(message)
             if signing is not None:
-                packet = signing.sign(packet)
+                packet = signing.sign(packet, self.link_id)
             self._write(packet)
         return packet
 
@@ -110,6 +113,9 @@ class Link(ABC):
         self._own = own
         self._on_message = on_message
         self._clock = clock
+        self.link_id = 0
+        """In the signatures of what it sends; each link of a station has its own, as a vehicle keeps one newest time
+        stamp for each, and what goes over a slow link comes after what went later over a fast one."""
         self.messages = 0
         """Heard since it was opened, and let in."""
         self.signing: LinkSigning | None = None
@@ -143,7 +149,7 @@ class Link(ABC):
         """Close it; nothing is sent or heard afterwards."""
 
     def _new_peer(self, name: str, write: Callable[[bytes], None], outlet: Callable[[], Outlet | None]) -> Peer:
-        return Peer(name, write, FramePacker(*self._own), outlet, lambda: self.signing)
+        return Peer(name, write, FramePacker(*self._own), outlet, lambda: self.signing, self.link_id)
 
     def _take(self, peer: Peer, messages: list[ReceivedMessage]) -> None:
         if messages:

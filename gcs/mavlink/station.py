@@ -35,6 +35,7 @@ HEARTBEAT = int(mavlink.MAVLINK_MSG_ID_HEARTBEAT)
 COMPARE_S = 1.0
 CLOCK_EVERY_S = 0.1
 RATE_WINDOW_S = 2.0
+LINK_IDS = 256
 
 
 @dataclass(frozen=True)
@@ -169,6 +170,8 @@ class MavlinkStation:
             raise ConflictError("this link is open already", field=address.url)
         link = make_link(address, self._own, self._heard, self._clock)
         link.signing = signing
+        taken = {entry.link.link_id for entry in self._links.values()}
+        link.link_id = min(set(range(LINK_IDS)) - taken, default=0)
         await link.open()
         self._links[link.url] = _OpenLink(link, self._clock())
         if self._ticking is None:

@@ -243,3 +243,22 @@ async def test_a_second_link_without_the_key_is_not_used_and_said(signed_vehicle
         f"px4-1 is heard on {signed_vehicle.other} too, which is not used for it: another link to it is signed, "
         "this one is not"
     ]
+
+
+async def test_what_goes_over_a_slow_signed_link_is_still_taken_after_what_went_over_a_fast_one():
+    """The other end is pymavlink's: it keeps the newest time stamp of each link id, and refuses what is older."""
+    key, station = new_key(), MavlinkStation()
+    other = mavlink.MAVLink(None, srcSystem=1, srcComponent=1)
+    other.signing.secret_key, other.signing.sign_outgoing = key, True
+    sent = {}
+    for name in ("slow", "fast"):
+        ear = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        ear.bind((HOST, 0))
+        ear.settimeout(5.0)
+        await station.open(f"udpout:{HOST}:{ear.getsockname()[1]}", LinkSigning(key))  # its first heartbeat goes out
+        sent[name] = await asyncio.to_thread(ear.recv, 2048)
+        ear.close()
+    await station.close_all()
+    assert [other.parse_char(sent[name]).get_type() for name in ("fast", "slow")] == ["HEARTBEAT"] * 2
+    with pytest.raises(mavlink.MAVError, match="signature"):
+        other.parse_char(sent["slow"])
