@@ -22,6 +22,11 @@ DATAGRAM_SIZE = 65536
 DATAGRAMS_AT_ONCE = 64
 RECEIVE_BUFFER = 4 << 20
 """Asked of the system, which may give less: half a second of a hundred vehicles."""
+THICK_PER_S = 2000.0
+"""Where datagrams come this thick, they are let gather: to be woken for each few costs more than to take them in."""
+GATHERED = 170
+LONGEST_PAUSE_S = 0.02
+RATE_WINDOW_S = 0.2
 
 
 class UdpLink(Link):
@@ -33,6 +38,9 @@ class UdpLink(Link):
         self._closing = threading.Lock()
         self._peers: dict[SocketAddress, Peer] = {}
         self._remote: SocketAddress | None = None
+        self._datagrams = 0
+        self._counted_from_s = clock()
+        self._pause_s = 0.0
 
     @property
     def up(self) -> bool:
@@ -69,7 +77,7 @@ class UdpLink(Link):
         if self.address.kind is LinkKind.UDP_OUT:
             self._remote = sock.getpeername()
             self._peers[self._remote] = self._peer_at(self._remote)
-        loop.add_reader(sock.fileno(), self._readable)
+        self._watch(loop)
 
     async def close(self) -> None:
         """See Link."""
@@ -102,6 +110,10 @@ class UdpLink(Link):
         outlet = Outlet(self._duplicate, where if self._remote is None else None)
         return self._new_peer(f"{where[0]}:{where[1]}", write, lambda: outlet if self.up else None)
 
+    def _watch(self, loop: asyncio.AbstractEventLoop) -> None:
+        if self._socket is not None:
+            loop.add_reader(self._socket.fileno(), self._readable)
+
     def _readable(self) -> None:
         for _ in range(DATAGRAMS_AT_ONCE):
             if self._socket is None:
@@ -109,8 +121,23 @@ class UdpLink(Link):
             try:
                 data, where = self._socket.recvfrom(DATAGRAM_SIZE)
             except OSError:
+                self._let_gather(self._socket)
                 return
+            self._datagrams += 1
             self._datagram(data, where)
+
+    def _let_gather(self, sock: socket.socket) -> None:
+        """There is nothing more to read just now: look away for a while, when there soon will be much."""
+        now = self._clock()
+        counted_s = now - self._counted_from_s
+        if counted_s >= RATE_WINDOW_S:
+            per_s = self._datagrams / counted_s
+            self._pause_s = min(GATHERED / per_s, LONGEST_PAUSE_S) if per_s >= THICK_PER_S else 0.0
+            self._datagrams, self._counted_from_s = 0, now
+        if self._pause_s > 0.0:
+            loop = asyncio.get_running_loop()
+            loop.remove_reader(sock.fileno())
+            loop.call_later(self._pause_s, self._watch, loop)
 
     def _datagram(self, data: bytes, where: SocketAddress) -> None:
         peer = self._peers.get(where)
