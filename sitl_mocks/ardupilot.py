@@ -16,7 +16,7 @@ from sitl_mocks.ardupilot_mission_run import ArduPilotMissionRun
 from sitl_mocks.ardupilot_mission_server import ArduPilotMissionServer
 from sitl_mocks.ardupilot_modes import Mode
 from sitl_mocks.ardupilot_parameters import ARDUPILOT_PARAMETERS
-from sitl_mocks.channel import Channel, Stream
+from sitl_mocks.channel import Channel
 from sitl_mocks.commands import ACCEPTED, DENIED, FAILED, UNSUPPORTED, Command
 from sitl_mocks.dialect import Message, mavlink
 from sitl_mocks.file_server import VirtualFolder
@@ -61,6 +61,7 @@ class ArduPilotVehicle(SimulatedVehicle):
     fix_texts = ("GPS Glitch or Compass error", "Glitch cleared")
     ready_after_s = 2.0
     announces_captures = False
+    unknown_stream_result = FAILED
 
     missions: ArduPilotMissionServer
 
@@ -159,10 +160,7 @@ class ArduPilotVehicle(SimulatedVehicle):
         )
         for name in (name for group in groups for name in group):
             message_id = getattr(mavlink, f"MAVLINK_MSG_ID_{name}")
-            if message.start_stop and message.req_message_rate > 0:
-                channel.streams[message_id] = Stream(1.0 / message.req_message_rate, self.time_s)
-            else:
-                channel.streams.pop(message_id, None)
+            self.streams.set_rate(channel, message_id, message.req_message_rate if message.start_stop else 0.0)
 
     def _picture_taken(self, exposure: Exposure) -> None:
         self.broadcast(
@@ -323,9 +321,6 @@ class ArduPilotVehicle(SimulatedVehicle):
 
     def _set_current_item(self, sequence: int) -> bool:
         return self.run.set_current(sequence)
-
-    def _unknown_stream_result(self) -> int:
-        return FAILED
 
     # Arming ----------------------------------------------------------------------------------------------------------
 

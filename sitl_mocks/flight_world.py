@@ -42,6 +42,7 @@ class FlightSpec:
         loss: of packets, each way, on either link.
         latency_s: of either link, one way.
         jitter_s: each packet takes up to so much longer.
+        tells_3d: whether the lidar sends OBSTACLE_DISTANCE_3D, too.
     """
 
     autopilot: str
@@ -53,6 +54,7 @@ class FlightSpec:
     loss: float = 0.0
     latency_s: float = 0.01
     jitter_s: float = 0.01
+    tells_3d: bool = False
 
 
 class FlightWorld:
@@ -74,7 +76,7 @@ class FlightWorld:
             seed=spec.seed,
             parameters=tuple((spec.parameters or {}).items()),
             obstacles=parse_obstacles({"obstacles": list(spec.obstacles)}),
-            lidar=LidarOptions(seed=spec.seed),
+            lidar=LidarOptions(tells_3d=spec.tells_3d, seed=spec.seed),
         )
         vehicle = Px4Vehicle if spec.autopilot == "px4" else ArduPilotVehicle
         self._vehicle: SimulatedVehicle = vehicle(options)

@@ -15,7 +15,7 @@ from random import Random
 
 from sitl_mocks.airframe import BODIES, Airframe, FlightLimits
 from sitl_mocks.camera import Camera, CameraFolder
-from sitl_mocks.channel import Channel, Stream
+from sitl_mocks.channel import Channel
 from sitl_mocks.commands import (
     ACCEPTED,
     DENIED,
@@ -32,6 +32,7 @@ from sitl_mocks.flight_kernel import STEP_S
 from sitl_mocks.gimbal import Gimbal
 from sitl_mocks.image_sender import ImageSender
 from sitl_mocks.lidar import Lidar
+from sitl_mocks.message_streams import MessageStreams
 from sitl_mocks.mission_fault import MissionDoor
 from sitl_mocks.mission_faults import make_faults
 from sitl_mocks.mission_server import MissionServer
@@ -72,6 +73,8 @@ class SimulatedVehicle(ABC):
     """Wall time from the start until it can be armed."""
     announces_captures = True
     """Whether the camera component tells of its files."""
+    unknown_stream_result = DENIED
+    """Its answer when a rate is asked for of a message that it does not have."""
 
     def __init__(self, options: VehicleOptions) -> None:
         self.options = options
@@ -131,7 +134,7 @@ class SimulatedVehicle(ABC):
         self.armed = False
         self._station_heard_s: float | None = None
         self.station_lost = False
-        self._camera_heartbeat_s = -math.inf
+        self.streams = MessageStreams(self)
         self._commands = self._command_table()
 
     # What differs ----------------------------------------------------------------------------------------------------
@@ -262,7 +265,7 @@ class SimulatedVehicle(ABC):
         self.image_sender.step()
         self.replanner.resend(wall_s)
         self._watch_station(wall_s)
-        self._send_streams(wall_s)
+        self.streams.send_due(wall_s)
 
     def _watch_station(self, wall_s: float) -> None:
         if self._station_heard_s is None:
@@ -276,8 +279,7 @@ class SimulatedVehicle(ABC):
 
     def add_channel(self, channel: Channel) -> None:
         """Send on a link from now on."""
-        for message_id, rate in self.default_streams().items():
-            channel.streams[message_id] = Stream(1.0 / rate, self.time_s)
+        self.streams.begin(channel)
         self.signing_key.apply(channel.signing)
         self.channels.append(channel)
 
@@ -307,26 +309,6 @@ class SimulatedVehicle(ABC):
     def _hears_texts(self, channel: Channel) -> bool:
         del channel
         return True
-
-    def _send_streams(self, wall_s: float) -> None:
-        for channel in self.channels:
-            for message_id, stream in channel.streams.items():
-                if stream.is_due(self.time_s, wall_s):
-                    message = (
-                        self.heartbeat()
-                        if message_id == mavlink.MAVLINK_MSG_ID_HEARTBEAT
-                        else self.telemetry.build(message_id)
-                    )
-                    if message is not None:
-                        channel.send(message, AUTOPILOT_COMPONENT)
-        if wall_s - self._camera_heartbeat_s >= 1.0:
-            self._camera_heartbeat_s = wall_s
-            self.broadcast(
-                mavlink.MAVLink_heartbeat_message(
-                    mavlink.MAV_TYPE_CAMERA, mavlink.MAV_AUTOPILOT_INVALID, 0, 0, ACTIVE, 3
-                ),
-                CAMERA_COMPONENT,
-            )
 
     # Messages in -----------------------------------------------------------------------------------------------------
 
@@ -429,10 +411,7 @@ class SimulatedVehicle(ABC):
         m = mavlink
         return {
             m.MAV_CMD_COMPONENT_ARM_DISARM: self._arm_disarm,
-            m.MAV_CMD_SET_MESSAGE_INTERVAL: self._set_message_interval,
-            m.MAV_CMD_REQUEST_MESSAGE: self._request_message,
-            m.MAV_CMD_REQUEST_AUTOPILOT_CAPABILITIES: self._send_version,
-            m.MAV_CMD_GET_HOME_POSITION: self._send_home,
+            **self.streams.commands(),
             m.MAV_CMD_DO_SET_MODE: lambda c, channel: self._set_mode(
                 int(c.params[0]), int(c.params[1]), int(c.params[2]), channel
             ),
@@ -484,49 +463,6 @@ class SimulatedVehicle(ABC):
         self.flight.reset()
         self.say(mavlink.MAV_SEVERITY_INFO, text)
         self._after_disarm()
-
-    def _set_message_interval(self, command: Command, channel: Channel) -> int:
-        message_id, interval_us = int(command.params[0]), command.params[1]
-        known = message_id == mavlink.MAVLINK_MSG_ID_HEARTBEAT or self.telemetry.knows(message_id)
-        if not known:
-            return self._unknown_stream_result()
-        if interval_us < 0:
-            channel.streams.pop(message_id, None)
-        elif interval_us == 0:
-            rate = self.default_streams().get(message_id)
-            channel.streams.pop(message_id, None)
-            if rate is not None:
-                channel.streams[message_id] = Stream(1.0 / rate, self.time_s)
-        else:
-            channel.streams[message_id] = Stream(max(interval_us * 1e-6, 0.005), self.time_s)
-        return ACCEPTED
-
-    def _unknown_stream_result(self) -> int:
-        return DENIED
-
-    def _request_message(self, command: Command, channel: Channel) -> int:
-        message_id = int(command.params[0])
-        if message_id == mavlink.MAVLINK_MSG_ID_HEARTBEAT:
-            message: Message | None = self.heartbeat()
-        else:
-            message = self.telemetry.build(message_id)
-        if message is None:
-            return UNSUPPORTED if not self.telemetry.knows(message_id) else DENIED
-        channel.send(message, AUTOPILOT_COMPONENT)
-        return ACCEPTED
-
-    def _send_version(self, command: Command, channel: Channel) -> int:
-        del command
-        channel.send(self.telemetry.build(mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION), AUTOPILOT_COMPONENT)
-        return ACCEPTED
-
-    def _send_home(self, command: Command, channel: Channel) -> int:
-        del command
-        message = self.telemetry.build(mavlink.MAVLINK_MSG_ID_HOME_POSITION)
-        if message is None:
-            return DENIED
-        channel.send(message, AUTOPILOT_COMPONENT)
-        return ACCEPTED
 
     def change_speed(self, command: Command) -> int:
         """DO_CHANGE_SPEED: 0 and 1 along the ground, 2 climb, 3 descent, in m/s; until the end of the flight."""
