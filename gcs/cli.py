@@ -274,6 +274,18 @@ def share_signing(url: str, other_url: str, data_dir: Path | None) -> None:
     click.echo(f"{other_url} is signed with the key of {url} when it is opened next")
 
 
+@signing.command("export")
+@connect_option
+@click.argument("file", type=click.Path(path_type=Path, dir_okay=False))
+@data_option
+def export_signing(url: str, file: Path, data_dir: Path | None) -> None:
+    """Write a link's key to FILE, unencrypted, for another computer at the vehicle (`gcs companion --key-file`)."""
+    from gcs.services.signing_commands import export_key
+
+    export_key(url, file, data_dir)
+    click.echo(f"{file} holds the key of {url}: bring it over a way that nobody else can read, then delete it here")
+
+
 @signing.command("list")
 @data_option
 def list_signing(data_dir: Path | None) -> None:
@@ -372,6 +384,12 @@ def inspect_mesh(file: Path) -> None:
 @click.option(
     "--plan", "plans", multiple=True, type=click.Path(path_type=Path), help="A plan's folder, to be kept (repeatable)."
 )
+@click.option(
+    "--key-file",
+    type=click.Path(path_type=Path, dir_okay=False),
+    help="Holds the key that signs the link (`gcs signing export`). [default: that of the data directory, if any]",
+)
+@data_option
 @click.option("--rate", type=click.FloatRange(20, 50), default=50.0, show_default=True, help="Setpoints per second.")
 @click.option("--slab", type=click.FloatRange(0.1, 5), default=0.5, show_default=True, help="Lidar's half height, m.")
 @click.option("--no-lidar", is_flag=True, help="Fly without scans: nothing is evaded.")
@@ -381,6 +399,8 @@ def companion(
     token_file: Path | None,
     keep: Path | None,
     plans: tuple[Path, ...],
+    key_file: Path | None,
+    data_dir: Path | None,
     rate: float,
     slab: float,
     no_lidar: bool,
@@ -399,6 +419,8 @@ def companion(
         plans=plans,
         options=CompanionOptions(stream_hz=rate, needs_lidar=not no_lidar, slab_half_m=slab),
         say=click.echo,
+        data_dir=data_dir,
+        key_file=key_file,
     )
     with suppress(KeyboardInterrupt):
         _run(running)

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from gcs.api.settings import StationSettings
 
 PAGE_CSP = "default-src 'self'; base-uri 'none'; form-action 'self'; frame-ancestors 'none'; object-src 'none'"
+REPORT_CSP = "default-src 'none'; style-src 'unsafe-inline'; img-src data:; frame-ancestors 'self'; sandbox"
 API = "/api"
 
 

@@ -9,6 +9,7 @@ from typing import Literal, assert_never
 from fastapi import APIRouter, WebSocket, WebSocketDisconnect
 
 from gcs.api.dependencies import Services
+from gcs.api.lease_views import lease_info
 from gcs.api.replan_views import offer_info, replan_info
 from gcs.api.schemas import live
 from gcs.api.views import (
@@ -59,6 +60,8 @@ def live_message(event: live_feed.FeedEvent) -> live.AnyLiveMessage:
             return live.ImageMessage(image=image_info(image))
         case live_feed.ReplanStored(replan):
             return live.ReplanMessage(replan=replan_info(replan))
+        case live_feed.LeaseTold(lease):
+            return live.LeaseMessage(lease=lease_info(lease))
         case live_feed.OfferChanged(offer):
             return live.OfferMessage(offer=offer_info(offer))
         case _:
@@ -72,6 +75,8 @@ def render_live(event: live_feed.FeedEvent) -> str:
 
 def snapshot(services: StationServices, reason: Literal["start", "catch_up"]) -> live.SnapshotMessage:
     """All that is known now."""
+    flights = services.database.flights.summaries()
+    leases = [services.flights.lease(f.flight.id) for f in flights]
     vehicles = services.vehicles.vehicles()
     messages = [m for v in vehicles for m in services.vehicles.messages(v.identity.name)]
     return live.SnapshotMessage(
@@ -80,7 +85,8 @@ def snapshot(services: StationServices, reason: Literal["start", "catch_up"]) ->
         links=[link_info(link) for link in services.vehicles.links()],
         vehicles=[vehicle_info(v) for v in vehicles],
         plans=[plan_summary(p) for p in services.plans.list()],
-        flights=[flight_info(f) for f in services.database.flights.summaries()],
+        flights=[flight_info(f) for f in flights],
+        leases=[lease_info(lease) for lease in leases if lease is not None],
         messages=[vehicle_message(m) for m in sorted(messages, key=lambda m: m.number)],
     )
 

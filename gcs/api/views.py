@@ -244,6 +244,7 @@ def flight_info(summary: FlightOverview) -> FlightInfo:
         max_cross_track_m=flight.max_cross_track_m,
         plan_time_s=flight.plan_time_s,
         accepted_failsafes=list(flight.accepted_failsafes),
+        observer=flight.observer,
         problems=list(flight.problems),
         actions=list(allowed_actions(flight.state, flight.mode)),
     )

@@ -18,6 +18,8 @@ class ReplanReason(IntEnum):
     HELD = 3
     BACKED_OFF = 4
     VIEWPOINT_BLOCKED = 5
+    NO_PICTURE = 6
+    LEASE_ENDED = 7
 
     @property
     def words(self) -> str:
@@ -31,6 +33,8 @@ _WORDS = {
     ReplanReason.HELD: "it waited in place, there was no safe way",
     ReplanReason.BACKED_OFF: "it gave way to something that came closer",
     ReplanReason.VIEWPOINT_BLOCKED: "a viewpoint could not be reached",
+    ReplanReason.NO_PICTURE: "no picture was announced",
+    ReplanReason.LEASE_ENDED: "the flight ended before the plan did",
 }
 
 

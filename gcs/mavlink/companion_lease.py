@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from enum import IntEnum
 
 from gcs.core.errors import LinkError, OperationCancelled, RefusedError
+from gcs.core.replanning import ReplanReason
 from gcs.mavlink.command_protocol import Target
 from gcs.mavlink.dialect import Message, mavlink
 from gcs.mavlink.transaction import Clock, Send, Transaction
@@ -48,9 +49,11 @@ class LeaseState(IntEnum):
     PAUSED = 3
     FINISHED = 4
     ENDED = 5
+    TAKEN_OVER = 6
+    """By somebody else, a pilot or the autopilot's failsafe, and not by the companion's own command."""
 
 
-OVER = frozenset({LeaseState.REFUSED, LeaseState.FINISHED, LeaseState.ENDED})
+OVER = frozenset({LeaseState.REFUSED, LeaseState.FINISHED, LeaseState.ENDED, LeaseState.TAKEN_OVER})
 """States of a lease that will not change any more."""
 
 ANSWERS = {
@@ -103,6 +106,16 @@ class LeaseStatus:
     lidar_age_s: float | None = None
     odometry_quality: int = -1
     text: str = ""
+
+    @property
+    def away_words(self) -> str | None:
+        """Why the plan is left at the moment, for people; None while it is flown."""
+        if self.away == 0:
+            return None
+        try:
+            return ReplanReason(self.away).words
+        except ValueError:
+            return f"a reason that this station does not know ({self.away})"
 
 
 def lease_order(message: Message) -> LeaseOrder | None:

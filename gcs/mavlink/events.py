@@ -12,6 +12,7 @@ from typing import Generic, TypeAlias, TypeVar
 
 from gcs.core.replanning import ReplanReport
 from gcs.core.vehicle import FlightMode, ImageReport, StatusText, Telemetry
+from gcs.mavlink.companion_lease import LeaseStatus
 from gcs.mavlink.mission_protocol import MissionType
 
 
@@ -67,6 +68,13 @@ class ReplanEvent:
     """
 
     report: ReplanReport
+
+
+@dataclass(frozen=True)
+class LeaseEvent:
+    """The vehicle's companion tells where its lease stands; it does so twice a second."""
+
+    status: LeaseStatus
 
 
 @dataclass(frozen=True)
@@ -154,6 +162,7 @@ VehicleEvent: TypeAlias = (
     | ArmedEvent
     | ImageEvent
     | ReplanEvent
+    | LeaseEvent
     | ItemReachedEvent
     | CommandProgressEvent
     | ListChangedEvent

@@ -11,7 +11,9 @@ The rule, for every heartbeat of the autopilot whose mode number differs from th
    return in hold or landing, a mission *at its last item* in hold, return or landing): the autopilot's *own*.
 5. MISSION to HOLD, RETURN or LAND, while the last item was not heard to be current: the news of the item may be late
    or lost, so the verdict waits `VERDICT_S` for it. Until then no command is permitted. Nothing is streamed in MISSION.
-6. The vehicle is lent to its companion, and the mode is one that the companion commands: *commanded*, by it.
+6. The vehicle is lent to its companion, and the mode is one that the companion commands: *commanded*, by it. Where the
+   vehicle leaves OFFBOARD for such a mode, the pilot may have chosen it too: the verdict waits `WORD_S` for the word of
+   the companion, and without any it was somebody else.
 7. Anything else: somebody took over, be it the pilot's switch or sticks or the vehicle's own failsafe, which cannot
    be told apart for sure. `hands_off` is then set, and stays set through landing, reconnects and new flights, until an
    operator takes the vehicle back by its name.
@@ -31,6 +33,8 @@ from gcs.mavlink.autopilots.base import FlightStack
 COMMAND_WINDOW_S = 6.0
 CLAIM_S = 30.0
 VERDICT_S = 2.0
+WORD_S = 4.0
+"""A companion tells its state twice a second: several of them may be lost."""
 _MISSION_ENDS = frozenset({FlightMode.HOLD, FlightMode.RETURN, FlightMode.LAND})
 _CRITICAL = 5
 
@@ -69,11 +73,26 @@ class ModeGuard:
         self._mission: MissionProgress | None = None
         self._undecided: tuple[float, str] | None = None
         self._lent: frozenset[FlightMode] = frozenset()
+        self._let_go = False
         self.hands_off: str | None = None
 
     def lend(self, modes: frozenset[FlightMode]) -> None:
         """From now on a companion commands these modes; none takes the vehicle back from it."""
-        self._lent = modes
+        self._lent, self._let_go = modes, False
+
+    def let_go(self, *, taken_over: bool) -> ModeChange | None:
+        """The companion says that it leads no more; it may settle an open verdict.
+
+        Args:
+            taken_over: by its word somebody else has the vehicle; else it commanded the mode that it leaves it in.
+        """
+        if not self._lent or self._let_go:
+            return None
+        if not taken_over:
+            self._let_go, self._undecided = True, None
+            return None
+        self._lent = frozenset()
+        return self._settle()
 
     def command_mode(self, custom_mode: int, now_s: float) -> None:
         """The station is about to ask for a mode, or for something that brings it.
@@ -136,11 +155,14 @@ class ModeGuard:
 
     def on_time(self, now_s: float) -> ModeChange | None:
         """Settle an open verdict whose time is over."""
-        if self._undecided is not None and now_s >= self._undecided[0]:
-            self.hands_off = self._undecided[1]
-            self._undecided = None
-            return ModeChange.TAKEN_OVER
-        return None
+        return self._settle() if self._undecided is not None and now_s >= self._undecided[0] else None
+
+    def _settle(self) -> ModeChange | None:
+        """It was somebody else."""
+        if self._undecided is None:
+            return None
+        self.hands_off, self._undecided = self._undecided[1], None
+        return ModeChange.TAKEN_OVER
 
     def _judge(self, before: Shown, shown: Shown, now_s: float) -> ModeChange:
         if shown.custom_mode in self._commanded:
@@ -149,7 +171,8 @@ class ModeGuard:
             return ModeChange.GROUND
         old, old_name = self._stack.flight_mode(before.custom_mode)
         new, new_name = self._stack.flight_mode(shown.custom_mode)
-        if new in self._lent:
+        asks_companion = old is FlightMode.OFFBOARD and not self._let_go
+        if new in self._lent and not asks_companion:
             return ModeChange.COMMANDED
         if new in self._stack.own_successors(old, self._mission):
             return ModeChange.OWN
@@ -157,6 +180,9 @@ class ModeGuard:
         if shown.system_status >= _CRITICAL:
             who = "the vehicle's failsafe, or the pilot,"
         reason = f"{who} changed the mode from {old_name} to {new_name}"
+        if new in self._lent:
+            self._undecided = (now_s + WORD_S, reason)
+            return ModeChange.UNDECIDED
         if old is FlightMode.MISSION and new in _MISSION_ENDS and shown.system_status < _CRITICAL:
             self._undecided = (now_s + VERDICT_S, reason)
             return ModeChange.UNDECIDED

@@ -79,6 +79,7 @@ class LinkSigning:
         rejects_unsigned: whether packets without a signature are refused.
         wall: seconds since 1970.
         rotated_at: when the key took the place of an older one; None while it is the first.
+        newest: no time stamp is at or before this one, whatever the clock says.
     """
 
     PROBLEM_KEPT_S = 10.0
@@ -90,13 +91,14 @@ class LinkSigning:
         rejects_unsigned: bool = True,
         wall: Callable[[], float] = time.time,
         rotated_at: str | None = None,
+        newest: int = 0,
     ) -> None:
         self.rejects_unsigned = rejects_unsigned
         self.rotated_at = rotated_at
         self._key = key
         self._wall = wall
         self._lock = threading.Lock()
-        self._newest = 0
+        self._newest = newest
         self._streams: dict[bytes, int] = {}
         self._good = 0
         self._others: dict[Verdict, int] = {verdict: 0 for verdict in Verdict if verdict is not Verdict.GOOD}
@@ -106,6 +108,11 @@ class LinkSigning:
     def key(self) -> bytes:
         """Its key."""
         return self._key
+
+    @property
+    def newest(self) -> int:
+        """The latest time stamp that was sent or heard."""
+        return self._newest
 
     def status(self) -> SigningStatus:
         """How it goes."""

@@ -48,9 +48,10 @@ class VehicleFlight(VehicleTransfers):
             raise RefusedError("to take the vehicle back, give its name", field=self.identity.name)
         self._guard.take_back()
 
-    def lend(self, *, to_companion: bool) -> None:
-        """Let a companion lead it: the modes that one commands count as commanded; or end that."""
-        self._guard.lend(COMPANION_MODES if to_companion else frozenset())
+    def lend(self, lease: int | None) -> None:
+        """Let a companion lead it by a lease: the modes that one commands count as commanded; None ends that."""
+        self._lent_lease = lease
+        self._guard.lend(frozenset() if lease is None else COMPANION_MODES)
 
     async def order_companion(self, order: LeaseOrder) -> LeaseStatus:
         """Give the vehicle's companion an order; returns the state that answers it.

@@ -27,6 +27,7 @@ from gcs.mavlink.autopilots.generic import GenericAutopilot
 from gcs.mavlink.autopilots.px4 import Px4
 from gcs.mavlink.camera_control import CAMERA_MESSAGES, CameraWatch
 from gcs.mavlink.command_protocol import command_long
+from gcs.mavlink.companion_lease import COMPANION, OVER, LeaseState, LeaseStatus, lease_status
 from gcs.mavlink.dialect import Message, mavlink
 from gcs.mavlink.events import EventStream, VehicleEvent
 from gcs.mavlink.link_quality import LinkQuality, RoundTripMeter, SequenceMeter
@@ -36,7 +37,7 @@ from gcs.mavlink.mode_guard import ModeChange, ModeGuard, Shown
 from gcs.mavlink.motion_samples import MOTION_MESSAGES, MotionSampler
 from gcs.mavlink.newest_telemetry import NewestTelemetry
 from gcs.mavlink.plan_id import told_list_ids
-from gcs.mavlink.received_message import MARKER_V1
+from gcs.mavlink.received_message import MARKER_V1, ReceivedMessage
 from gcs.mavlink.report_assembler import (
     AnsweredReport,
     MalformedReport,
@@ -104,6 +105,7 @@ class VehicleState:
         self._wanted = decoder.kinds | MOTION_MESSAGES | CAMERA_MESSAGES | ALSO_WANTED
         self._motion = MotionSampler()
         self._guard = ModeGuard(self._stack)
+        self._lent_lease: int | None = None
         self._lists = ListWatch()
         self._meter = SequenceMeter()
         self._round_trips = RoundTripMeter()
@@ -248,13 +250,13 @@ class VehicleState:
         if on_packet is not None:
             on_packet(packet)
 
-    def handle(self, message: Message) -> None:
+    def handle(self, message: ReceivedMessage) -> None:
         """Take a message of any of its components; called by the station."""
         now = self._now()
         if self.on_packet is not None:
-            self.passed(message.get_msgbuf())
-        kind, component = message.get_type(), message.get_srcComponent()
-        self._meter.count(component, message.get_seq(), now)
+            self.passed(message.packet)
+        kind, component = message.layout.name, message.from_component
+        self._meter.count(component, message.running_number, now)
         if kind in self._wanted:
             self._take(kind, message, now, from_autopilot=component == self.identity.component_id)
         self._channel.publish(message)
@@ -331,7 +333,16 @@ class VehicleState:
         if change is ModeChange.TAKEN_OVER and self._guard.hands_off is not None:
             self._publish(events.PilotTookOverEvent(self._guard.hands_off))
 
+    def _handle_lease(self, status: LeaseStatus) -> None:
+        if status.lease == self._lent_lease and status.state in OVER:
+            self._tell_take_over(self._guard.let_go(taken_over=status.state is LeaseState.TAKEN_OVER))
+        self._publish(events.LeaseEvent(status))
+
     def _handle_tunnel(self, message: Message) -> None:
+        status = lease_status(message) if message.get_srcComponent() == COMPANION else None
+        if status is not None:
+            self._handle_lease(status)
+            return
         inner = carried(message)
         report = None if inner is None else self._reports.take(inner)
         if isinstance(report, MalformedReport):

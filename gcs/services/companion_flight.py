@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import asyncio
 import secrets
+import time
 from contextlib import contextmanager, suppress
 from typing import TYPE_CHECKING
 
 from gcs.core.errors import GcsError
 from gcs.core.vehicle import FlightMode
-from gcs.mavlink.companion_lease import COMPANION, OVER, LeaseOrder, LeaseState, OrderKind, lease_status
+from gcs.mavlink.companion_lease import LeaseOrder, LeaseState, OrderKind
 from gcs.services.flight_recorder import NOTICE, WARNING
+from gcs.services.flight_types import LeaseView
 from gcs.services.home_column import column_times, column_top_amsl_m
 from gcs.services.offboard_flight import StreamEndedError
 
@@ -19,12 +21,12 @@ if TYPE_CHECKING:
 
     from gcs.core.plan import Plan
     from gcs.mavlink.companion_lease import LeaseStatus
-    from gcs.mavlink.dialect import Message
     from gcs.mavlink.vehicle import Vehicle
     from gcs.services.flight_recorder import FlightRecorder
 
 HOLDS_WITHIN_S = 15.0
-LANDS_WITHIN_S = 5.0
+SHOWS_WITHIN_S = 5.0
+"""News of the companion may be here before the heartbeat that shows the mode."""
 SILENT_S = 10.0
 LEADS = frozenset({LeaseState.LEADING, LeaseState.PAUSED})
 
@@ -44,21 +46,37 @@ class CompanionFlight:
         self._plan_hash = plan_hash
         self._vehicle = vehicle
         self._recorder = recorder
-        self._lease = secrets.randbits(32) | 1
+        self._lease: int | None = secrets.randbits(32) | 1
         self._status: LeaseStatus | None = None
+        self._taken_over = False
+        self._news = asyncio.Event()
+        self.view: LeaseView | None = None
+        """Where the lease stands, as last told; None before that."""
 
     @property
     def streaming(self) -> bool:
         """Whether the companion leads the vehicle, as far as was heard."""
-        return self._status is not None and self._status.state in LEADS
+        return self._status is not None and self._status.state in LEADS and not self._taken_over
 
     @property
     def plan_time_s(self) -> float:
         """How far the plan is flown, as last told."""
         return 0.0 if self._status is None else self._status.plan_time_s
 
+    def hear(self, status: LeaseStatus) -> None:
+        """The vehicle's companion tells where a lease stands: this one, or an older one."""
+        if self._lease is None and status.lease and status.plan_hash == self._plan_hash:
+            self._lease = status.lease
+        if status.lease == self._lease:
+            self._take(status)
+
+    def taken_over(self) -> None:
+        """Somebody else has the vehicle."""
+        self._taken_over = True
+        self._news.set()
+
     async def fly(self, on_flying: Callable[[], None]) -> None:
-        """Take off if need be, have the companion fly the plan, and follow it until it lands.
+        """Take off or hold, have the companion fly the plan, and follow it until it lands or somebody takes over.
 
         Args:
             on_flying: called when the companion leads the vehicle.
@@ -69,7 +87,9 @@ class CompanionFlight:
             LinkError: vehicle or companion do not answer.
         """
         vehicle = self._vehicle
-        if not vehicle.in_air:
+        if vehicle.in_air:
+            await vehicle.pause()  # a lease begins in a hold that a station commanded
+        else:
             leave, _ = column_times(self._plan)
             await vehicle.take_off(column_top_amsl_m(self._plan, leave))
             await vehicle.until(lambda: vehicle.in_air, HOLDS_WITHIN_S, "it to say that it is in the air")
@@ -84,16 +104,13 @@ class CompanionFlight:
         Raises:
             StreamEndedError: the companion ended the lease early.
         """
-        async with self._vehicle.messages() as messages:
-            async for message in messages:
-                status = self._read(message)
-                if status is not None and status.plan_hash == self._plan_hash and status.state in LEADS:
-                    self._lease = status.lease
-                    break
-            else:
-                return
+        self._lease = None
+        while not self._taken_over and (self._status is None or self._status.state is LeaseState.IDLE):
+            self._news.clear()
+            await self._news.wait()
+        if not self.streaming:
+            return
         with self._lent():
-            self._take(status)
             on_flying()
             await self._follow()
 
@@ -107,45 +124,51 @@ class CompanionFlight:
 
     @contextmanager
     def _lent(self) -> Iterator[None]:
-        self._vehicle.lend(to_companion=True)
+        self._vehicle.lend(self._lease)
         try:
             yield
         finally:
-            self._vehicle.lend(to_companion=False)
+            self._vehicle.lend(None)
 
     async def _order(self, kind: OrderKind) -> LeaseStatus:
+        assert self._lease is not None  # it leads, or is to
         return await self._vehicle.order_companion(LeaseOrder(self._lease, kind, self._plan_hash))
 
     async def _follow(self) -> None:
-        """Until the lease is over."""
-        async with self._vehicle.messages() as messages:
-            while self._status is None or self._status.state not in OVER:
-                try:
-                    async with asyncio.timeout(SILENT_S):
-                        message = await anext(messages)
-                        while (status := self._read(message)) is None or status.lease != self._lease:
-                            message = await anext(messages)
-                except TimeoutError:
-                    self._recorder.log("offboard", "the companion is not heard; it goes on by itself", severity=WARNING)
-                    with suppress(GcsError):
-                        await self._vehicle.until(lambda: self._vehicle.connected, SILENT_S, "the link")
-                    continue
-                self._take(status)
-        if self._status.state is not LeaseState.FINISHED:
-            raise StreamEndedError(f"the companion ended its lease: {self._status.text}")
-        with suppress(GcsError):  # its news may be here before the heartbeat that shows what it commanded
-            await self._vehicle.until(self._lands, LANDS_WITHIN_S, "it to land")
+        """Until the lease is over or somebody else has the vehicle."""
+        while self.streaming:
+            self._news.clear()
+            try:
+                await asyncio.wait_for(self._news.wait(), SILENT_S)
+            except TimeoutError:
+                self._recorder.log("offboard", "the companion is not heard; it goes on by itself", severity=WARNING)
+                await self._news.wait()
+        vehicle, status = self._vehicle, self._status
+        assert status is not None  # it led
+        if self._taken_over or status.state is LeaseState.TAKEN_OVER:
+            await self._shown(lambda: vehicle.pilot_in_control)
+            if vehicle.pilot_in_control:  # which the vehicle's own event says
+                return
+        elif status.state is LeaseState.FINISHED:
+            await self._shown(lambda: self._in_mode(FlightMode.LAND))
+            return
+        else:
+            await self._shown(lambda: self._in_mode(FlightMode.HOLD))
+        raise StreamEndedError(f"the companion ended its lease: {status.text}")
 
-    def _lands(self) -> bool:
-        mode = self._vehicle.telemetry.mode
-        return mode is not None and mode.value is FlightMode.LAND
+    async def _shown(self, holds: Callable[[], bool]) -> None:
+        with suppress(GcsError):
+            await self._vehicle.until(holds, SHOWS_WITHIN_S, "the mode that it is left in")
 
-    @staticmethod
-    def _read(message: Message) -> LeaseStatus | None:
-        return lease_status(message) if message.get_srcComponent() == COMPANION else None
+    def _in_mode(self, mode: FlightMode) -> bool:
+        shown = self._vehicle.telemetry.mode
+        return shown is not None and shown.value is mode
 
     def _take(self, status: LeaseStatus) -> None:
         before, self._status = self._status, status
         if before is None or (before.state, before.text) != (status.state, status.text):
-            text = f"companion: {status.state.name.lower()}, {status.text}"
+            text = f"companion: {status.state.name.lower().replace('_', ' ')}, {status.text}"
             self._recorder.log("offboard", text, severity=NOTICE, plan_time_s=status.plan_time_s)
+        self.view = LeaseView(self._recorder.flight_id, status, time.monotonic())
+        self._recorder.tell_lease(self.view)
+        self._news.set()

@@ -11,12 +11,14 @@ from gcs.services.live_feed import (
     EventLogged,
     FlightChanged,
     ImageChanged,
+    LeaseTold,
     TrackGrew,
     UploadProgressed,
 )
 from gcs.storage.records import FlightState, ImageRecord, ImageState, TrackPoint
 
 if TYPE_CHECKING:
+    from gcs.services.flight_types import LeaseView
     from gcs.services.live_feed import LiveFeed
     from gcs.storage.database import Database
     from gcs.storage.image_store import ImageStore, StoredImage
@@ -89,6 +91,10 @@ class FlightRecorder:
     def upload_progress(self, phase: str, fraction: float) -> None:
         """Tell how far a mission transfer is."""
         self._feed.publish(UploadProgressed(self.flight_id, phase, fraction))
+
+    def tell_lease(self, lease: LeaseView) -> None:
+        """Tell where the companion's lease stands; it is not written down."""
+        self._feed.publish(LeaseTold(lease))
 
     def track(self, position_m: tuple[float, float, float], cross_track_m: float) -> None:
         """A position of the vehicle, thinned to a few a second and written in small batches."""

@@ -164,6 +164,8 @@ class FlightRun:
                 self.show_mode()
             case events.PilotTookOverEvent(reason):
                 self._taken_over(reason)
+            case events.LeaseEvent(status) if self.companion is not None:
+                self.companion.hear(status)
             case events.OffboardEndedEvent(_, end, detail):
                 recorder.log("offboard", f"no more setpoints: {detail}", severity=NOTICE, end=end.name.lower())
             case _:
@@ -171,6 +173,8 @@ class FlightRun:
 
     def _taken_over(self, reason: str) -> None:
         recorder, mode = self.recorder, self.vehicle.telemetry.mode
+        if self.companion is not None:
+            self.companion.taken_over()
         recorder.log("problem", f"the station keeps its hands off: {reason}", severity=ERROR)
         if recorder.flight.state not in IN_THE_AIR:
             return
@@ -214,7 +218,8 @@ class FlightRun:
         flight = self.recorder.flight
         if flight.state not in IN_THE_AIR:
             return
-        if mode in {FlightMode.RETURN, FlightMode.LAND} and not commanded:
+        by_itself = not commanded and flight.mode is not FlightPath.COMPANION  # it may be its companion's command
+        if mode in {FlightMode.RETURN, FlightMode.LAND} and by_itself:
             at_end = len(self.tracker.visits) == len(self.plan.viewpoints)
             if not at_end and self.cut_short is None:
                 self.cut_short = f"the vehicle went into {mode.value} by itself"

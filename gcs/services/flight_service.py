@@ -20,6 +20,7 @@ from gcs.services.fence_rally import upload_lists
 from gcs.services.fitted_upload import remember_sampling, upload_fitted
 from gcs.services.flight_checks import FlightChecks
 from gcs.services.flight_log import FlightLogs
+from gcs.services.flight_observers import FlightObservers
 from gcs.services.flight_recorder import ERROR, NOTICE, FlightRecorder
 from gcs.services.flight_run import IN_THE_AIR, FlightRun
 from gcs.services.flight_types import OnVehicleMission, PreflightReport, allowed_actions
@@ -27,7 +28,6 @@ from gcs.services.led_flights import LedFlights
 from gcs.services.mission_fitting import USUAL_SAMPLING, sampled_mission, sampling_of
 from gcs.services.operator_commands import OneAtATime, require_confirmation
 from gcs.services.resumed_plan import plan_from_here
-from gcs.services.sighted_flight import SightedFlight
 from gcs.storage.records import FlightPath, FlightRecord, FlightState, UploadState
 
 if TYPE_CHECKING:
@@ -36,6 +36,7 @@ if TYPE_CHECKING:
     from gcs.core.mission import Mission
     from gcs.core.plan import Plan
     from gcs.mavlink.vehicle import Vehicle
+    from gcs.services.flight_types import LeaseView
     from gcs.services.live_feed import LiveFeed
     from gcs.services.mission_fitting import FittedMission
     from gcs.services.plan_service import PlanService
@@ -82,6 +83,7 @@ class FlightControlService:
         self._tasks: set[asyncio.Task[None]] = set()
         self._uploads: dict[str, asyncio.Task[None]] = {}
         self._failures: dict[str, GcsError] = {}
+        self._observers = FlightObservers(vehicles)
         self._led = LedFlights(database, self._spawn, self._not_begun)
 
     # ---- opening and closing the station ----
@@ -129,6 +131,8 @@ class FlightControlService:
                 elif flight.state in IN_THE_AIR:
                     run = self._follow(flight, vehicle, airborne=True)
                     run.show_mode()
+                    if flight.observer is not None:
+                        self._spawn(self._observers.take_up(run, flight.observer))
                     if flight.mode is FlightPath.MISSION:
                         await self.read_back(flight.id)
                     elif flight.mode is FlightPath.COMPANION:
@@ -185,6 +189,11 @@ class FlightControlService:
         self._recorder(flight.id).log("state", f"prepared for {identity.name}, {flight.mode}{why}", severity=NOTICE)
         return flight
 
+    def lease(self, flight_id: str) -> LeaseView | None:
+        """Where the lease of the companion that flies it stands; None when none was heard since the start."""
+        run = self._runs.get(flight_id)
+        return None if run is None or run.companion is None else run.companion.view
+
     async def preflight(self, flight_id: str) -> PreflightReport:
         """Read the vehicle's limits, failsafes and references, and compare them with the plan."""
         flight, vehicle, plan = self._loaded(flight_id)
@@ -211,20 +220,8 @@ class FlightControlService:
         """What the last upload proved; asks the vehicle nothing."""
         flight = self._database.flights.get(flight_id)
         upload = self._database.flights.latest_upload(flight_id)
-        if upload is None:
-            return OnVehicleMission(flight_id, "none", None, "", None, (), None, (), {}, "nothing was uploaded yet")
-        equal = True if upload.state is UploadState.PROVED and flight.proved else None
-        return OnVehicleMission(
-            flight_id=flight_id,
-            state=upload.state,
-            read_at=upload.finished_at,
-            how=upload.how,
-            equal=equal,
-            differences=(),
-            canonical_crc32=upload.canonical_crc32,
-            items=upload.items,
-            viewpoint_items=self._mission(flight).viewpoint_items,
-            problem=upload.problem,
+        return OnVehicleMission.last_proved(
+            flight, upload, {} if upload is None else self._mission(flight).viewpoint_items
         )
 
     async def read_back(self, flight_id: str) -> OnVehicleMission:
@@ -264,10 +261,7 @@ class FlightControlService:
             accepted = self._accept(recorder, flight, accept)
             checks = self._checks(flight, plan)
             (await checks.before_start(vehicle, accepted)).demand()
-            sighted = None
-            if observer is not None:
-                sighted = SightedFlight(self._vehicles.vehicle(observer), vehicle, recorder.notice)
-                await sighted.check()
+            sighted = observer and await self._observers.checked(observer, flight.vehicle, recorder)
             if flight.mode is FlightPath.MISSION:
                 held = await self.read_back(flight_id)
                 if not held.equal:
@@ -281,10 +275,8 @@ class FlightControlService:
                     recorder.notice(f"{entry.name}: {entry.how}")
             await vehicle.announce_plan(flight.plan_hash)
             run = self._follow(flight, vehicle)
-            if sighted is not None:
-                recorder.notice(f"{observer} looks at {flight.vehicle}, for where it has no position fix of its own")
-                run.position_by(sighted)
-                self._vehicles.set_position_source(flight.system_id, sighted)
+            if observer and sighted:
+                self._observers.begin(run, observer, sighted)
             await run.collector.remember_earlier()
             recorder.log("command", f"start confirmed for {confirm}", severity=NOTICE)
             if flight.mode is FlightPath.COMPANION:

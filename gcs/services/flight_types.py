@@ -5,12 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal, Protocol
 
-from gcs.storage.records import FlightPath, FlightState
+from gcs.storage.records import FlightPath, FlightState, UploadState
 
 if TYPE_CHECKING:
     from gcs.core.mission import MissionItem
+    from gcs.mavlink.companion_lease import LeaseStatus
     from gcs.services.flight_prediction import FlightPrediction
-    from gcs.storage.records import FlightRecord, UploadState
+    from gcs.storage.records import FlightRecord, UploadRecord
 
 CheckState = Literal["ok", "refused", "needs_acceptance", "accepted", "unknown"]
 
@@ -82,6 +83,41 @@ class OnVehicleMission:
     viewpoint_items: dict[int, int]
     problem: str | None = None
 
+    @classmethod
+    def last_proved(
+        cls, flight: FlightRecord, upload: UploadRecord | None, viewpoint_items: dict[int, int]
+    ) -> OnVehicleMission:
+        """What the last upload of a flight proved; None when there was none."""
+        if upload is None:
+            return cls(flight.id, "none", None, "", None, (), None, (), {}, "nothing was uploaded yet")
+        return cls(
+            flight_id=flight.id,
+            state=upload.state,
+            read_at=upload.finished_at,
+            how=upload.how,
+            equal=True if upload.state is UploadState.PROVED and flight.proved else None,
+            differences=(),
+            canonical_crc32=upload.canonical_crc32,
+            items=upload.items,
+            viewpoint_items=viewpoint_items,
+            problem=upload.problem,
+        )
+
+
+@dataclass(frozen=True)
+class LeaseView:
+    """Where a companion's lease of a flight stands.
+
+    Attributes:
+        flight_id: the flight.
+        status: as the companion told it last.
+        heard_s: when, by the station's monotonic clock.
+    """
+
+    flight_id: str
+    status: LeaseStatus
+    heard_s: float
+
 
 _ON_THE_GROUND = {FlightState.CREATED, FlightState.UPLOAD_FAILED, FlightState.UPLOADED}
 
@@ -131,6 +167,10 @@ class FlightService(Protocol):
 
         Without a mode both ways are predicted with the settings that the vehicle is asked for, and one is chosen.
         """
+        ...
+
+    def lease(self, flight_id: str) -> LeaseView | None:
+        """Where the lease of the companion that flies it stands; None when none was heard since the start."""
         ...
 
     async def preflight(self, flight_id: str) -> PreflightReport:

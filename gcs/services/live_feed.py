@@ -15,6 +15,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, TypeAlias
 
 if TYPE_CHECKING:
+    from gcs.services.flight_types import LeaseView
     from gcs.services.plan_service import PlanView
     from gcs.services.replan_difference import ReplanView
     from gcs.services.vehicle_service import LinkView, VehicleText, VehicleView
@@ -118,6 +119,13 @@ class ReplanStored:
 
 
 @dataclass(frozen=True)
+class LeaseTold:
+    """A companion tells where its lease stands."""
+
+    lease: LeaseView
+
+
+@dataclass(frozen=True)
 class OfferChanged:
     """A plan for what was skipped is being made, is offered, was decided on or cannot be made."""
 
@@ -137,6 +145,7 @@ FeedEvent: TypeAlias = (
     | EventLogged
     | ImageChanged
     | ReplanStored
+    | LeaseTold
     | OfferChanged
 )
 
@@ -156,6 +165,8 @@ def superseding_key(event: FeedEvent) -> str | None:
             return f"image {image.id}"
         case OfferChanged(offer):
             return f"offer {offer.id}"
+        case LeaseTold(lease):
+            return f"lease {lease.flight_id}"
         case _:
             return None
 

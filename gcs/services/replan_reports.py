@@ -123,11 +123,12 @@ class ReplanReports:
     def _tell(self, record: ReplanRecord, reason: str) -> None:
         """Into the flight's log, and to the dashboards; with those after it, which it may have joined to the plan."""
         views = self.of_flight(record.flight_id)
-        self._log(record, f"the vehicle left the plan: {reason}", NOTICE)
+        what = "left the plan" if record.path_m else "did not take viewpoints as planned"
+        self._log(record, f"the vehicle {what}: {reason}", NOTICE)
         place = next(k for k, view in enumerate(views) if view.record.id == record.id)
-        chain = views[place].chain
-        if chain in SAID_OF_CHAIN and not any(v.chain is chain for v in views if v.record.id < record.id):
-            self._log(record, SAID_OF_CHAIN[chain], WARNING)
+        odd = SAID_OF_CHAIN.get(views[place].chain)
+        if odd is not None and not self._database.flights.has_line(record.flight_id, odd):
+            self._log(record, odd, WARNING)
         for view in views[place:]:
             self._feed.publish(ReplanStored(view))
 

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 if TYPE_CHECKING:
-    from collections.abc import Collection
+    from collections.abc import Collection, Sequence
 
     from numpy.typing import NDArray
 
@@ -25,13 +25,26 @@ MAX_SAMPLES = 1500
 MAX_DOTS = 2500
 
 
-def scene_view(plan: Plan, structure: Structure, axes: tuple[int, int]) -> str:
+class Drawn(NamedTuple):
+    """A line to be drawn over a scene.
+
+    Attributes:
+        style: class of the line.
+        points_m: scene ENU, shape (N, 3).
+    """
+
+    style: str
+    points_m: NDArray[np.float64]
+
+
+def scene_view(plan: Plan, structure: Structure, axes: tuple[int, int], over: Sequence[Drawn] = ()) -> str:
     """The scene in parallel projection.
 
     Args:
         plan: a finished plan.
         structure: what is inspected.
         axes: which coordinates go right and up.
+        over: drawn over it.
     """
     columns = list(axes)
     t = np.linspace(0.0, plan.trajectory.duration_s, MAX_SAMPLES)
@@ -39,19 +52,25 @@ def scene_view(plan: Plan, structure: Structure, axes: tuple[int, int]) -> str:
     path = plan.path_m[:, columns]
     views = np.array([v.position_m for v in plan.viewpoints]).reshape(-1, 3)[:, columns]
     edges = _edges(structure)[:, :, columns]
-    everything = np.concatenate([curve, path, edges.reshape(-1, 2), structure.bounds_m[:, columns]])
+    lines_over = [(line.style, line.points_m[:, columns]) for line in over]
+    everything = np.concatenate(
+        [curve, path, edges.reshape(-1, 2), structure.bounds_m[:, columns], *(points for _, points in lines_over)]
+    )
     on_screen = _Frame(everything)
     home = on_screen(np.array(plan.scenario.home_m)[columns])
     lines = "".join(f"M{a[0]:.1f} {a[1]:.1f}L{b[0]:.1f} {b[1]:.1f}" for a, b in on_screen(edges))
     cables = "".join(
         f"M{a[0]:.1f} {a[1]:.1f}L{b[0]:.1f} {b[1]:.1f}" for a, b in on_screen(structure.cable_ends_m[:, :, columns])
     )
+    drawn = "".join(
+        f'<polyline class="{style}" points="{point_pairs(on_screen(points))}"/>' for style, points in lines_over
+    )
     dots = "".join(f'<circle class="v" cx="{x:.1f}" cy="{y:.1f}" r="2.5"/>' for x, y in on_screen(views))
     return (
         f'<svg width="{WIDTH_PX}" height="{HEIGHT_PX}" role="img">'
         f'<path class="s" d="{lines}"/><path class="c" d="{cables}"/>'
         f'<polyline class="p" points="{point_pairs(on_screen(path))}"/>'
-        f'<polyline class="t" points="{point_pairs(on_screen(curve))}"/>{dots}'
+        f'<polyline class="t" points="{point_pairs(on_screen(curve))}"/>{drawn}{dots}'
         f'<circle class="h" cx="{home[0]:.1f}" cy="{home[1]:.1f}" r="4"/>'
         f"{on_screen.ruler}</svg>"
     )

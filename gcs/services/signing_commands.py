@@ -5,9 +5,12 @@ from __future__ import annotations
 from contextlib import asynccontextmanager
 from typing import TYPE_CHECKING
 
+from gcs.core.errors import NotFoundError
+from gcs.mavlink.link_url import parse_link_url
 from gcs.mavlink.station import MavlinkStation
 from gcs.services.link_signing import LinkSigningService, key_store
 from gcs.services.opened_link import OpenedLink, opened_link
+from gcs.storage.key_files import write_key_file
 
 if TYPE_CHECKING:
     from collections.abc import AsyncIterator
@@ -34,6 +37,21 @@ async def take_key_back(url: str, vehicle: str, data_dir: Path | None) -> None:
 def share_key(url: str, other_url: str, data_dir: Path | None) -> None:
     """Have a second link to a vehicle signed with the key of the first; errors as of `LinkSigningService.share`."""
     LinkSigningService(MavlinkStation(), key_store(data_dir)).share(url, other_url)
+
+
+def export_key(url: str, file: Path, data_dir: Path | None) -> None:
+    """Write a link's key to a file of its own.
+
+    Raises:
+        NotFoundError: the link has no key.
+        InputError: the passphrase is missing or wrong.
+        StorageError: the file cannot be written.
+    """
+    canonical = parse_link_url(url).url
+    stored = key_store(data_dir).get(canonical)
+    if stored is None:
+        raise NotFoundError("this link is not signed", field=canonical)
+    write_key_file(file, stored.key)
 
 
 @asynccontextmanager

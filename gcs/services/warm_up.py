@@ -15,7 +15,8 @@ from gcs.core.structure import Structure
 from gcs.core.structure_source import Cable
 from gcs.planning.local.binary_map import BinaryMap
 from gcs.planning.local.lidar_scan import LidarScan
-from gcs.planning.local.navigator import LocalNavigator, NavigatorOptions
+from gcs.planning.local.navigator import LocalNavigator
+from gcs.planning.local.navigator_options import NavigatorOptions
 from gcs.planning.planner import make_plan
 from gcs.planning.scene.point_distance import SceneDistance
 from gcs.planning.tours.generalised_tour import generalised_tour

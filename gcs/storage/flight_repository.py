@@ -151,6 +151,12 @@ class FlightRepository:
             session.flush()
             return record_of(FlightEventRecord, row)
 
+    def has_line(self, flight_id: str, text: str) -> bool:
+        """Whether a flight's log has this line already."""
+        query = select(FlightEventRow.id).where(FlightEventRow.flight_id == flight_id, FlightEventRow.text == text)
+        with self._database.transaction() as session:
+            return session.scalar(query.limit(1)) is not None
+
     def events(self, flight_id: str, *, after: int = 0, limit: int = 2000) -> tuple[FlightEventRecord, ...]:
         """Lines of a flight's log with an id over `after`, oldest first.
 

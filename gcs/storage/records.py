@@ -213,6 +213,8 @@ class FlightRecord:
     problems: tuple[str, ...] = ()
     mission_sampling: dict[str, Any] | None = None
     """How its mission was made of the plan at the upload; None before that."""
+    observer: str | None = None
+    """Name of the vehicle whose sightings stand in for a lost position fix."""
 
 
 @dataclass(frozen=True)

@@ -105,6 +105,7 @@ class FlightRow(Base):
     max_cross_track_m: Mapped[float | None]
     problems: Mapped[list[Any]]
     mission_sampling: Mapped[dict[str, Any] | None]
+    observer: Mapped[str | None]
 
 
 class FlightEventRow(Base):

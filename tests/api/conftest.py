@@ -120,6 +120,10 @@ class FakeFlights:
         self.services = services
         self.asked = []
         self.error = None
+        self.leases = {}
+
+    def lease(self, flight_id):
+        return self.leases.get(flight_id)
 
     async def open(self):
         self.asked.append("open")

@@ -1,10 +1,14 @@
+import time
+
 import pytest
 
 from gcs.api.schemas.live import LiveMessage
 from gcs.core.clock import utc_now
 from gcs.core.vehicle import StatusText
+from gcs.mavlink.companion_lease import LeaseState, LeaseStatus
 from gcs.mavlink.events import StationEvent, StatusTextEvent
 from gcs.services import live_feed
+from gcs.services.flight_types import LeaseView
 from gcs.storage.records import TrackPoint
 
 
@@ -87,3 +91,46 @@ def test_a_client_that_left_is_forgotten(client, services):
             break
         client.get("/api/status")
     assert services.feed.clients == 0
+
+
+def test_where_a_companions_lease_stands_is_told_and_in_every_snapshot(live, client, flight, services):
+    status = LeaseStatus(
+        lease=0xC0FFEE,
+        state=LeaseState.LEADING,
+        away=2,
+        plan_hash="ab" * 32,
+        plan_time_s=12.5,
+        reports_pending=3,
+        lidar_age_s=0.125,
+        odometry_quality=87,
+        text="leads, <b>lease</b>",
+    )
+    assert client.get(f"/api/flights/{flight['id']}").json()["lease"] is None
+    view = LeaseView(flight["id"], status, time.monotonic() - 2.0)
+    services.flights.leases[flight["id"]] = view
+    services.feed.publish(live_feed.LeaseTold(view))
+    told = next_of(live, "lease").lease.model_dump()
+    assert 2.0 <= told.pop("age_s") < 60.0
+    assert told == {
+        "flight_id": flight["id"],
+        "lease": "00c0ffee",
+        "state": "leading",
+        "text": "leads, <b>lease</b>",
+        "away": "a moving obstacle",
+        "plan_time_s": 12.5,
+        "reports_pending": 3,
+        "lidar_age_s": 0.125,
+        "odometry_quality": 87,
+    }
+    answered = client.get(f"/api/flights/{flight['id']}").json()["lease"]
+    with client.websocket_connect("/api/live", headers={**client.headers, "Host": "127.0.0.1:8080"}) as stream:
+        (shown,) = stream.receive_json()["leases"]
+    assert {**answered, "age_s": 0} == {**shown, "age_s": 0} == {**told, "age_s": 0}
+
+
+def test_what_a_companion_does_not_have_is_null_and_a_reason_from_later_is_said_to_be_unknown(live, flight, services):
+    status = LeaseStatus(lease=1, state=LeaseState.TAKEN_OVER, away=77)
+    services.feed.publish(live_feed.LeaseTold(LeaseView(flight["id"], status, time.monotonic())))
+    told = next_of(live, "lease").lease
+    assert (told.state, told.lidar_age_s, told.odometry_quality) == ("taken_over", None, None)
+    assert told.away == "a reason that this station does not know (77)"

@@ -1,7 +1,9 @@
 """From a report on the link to the difference that is shown, and to the plan that is offered for what was skipped."""
 
+import re
 import time
 from dataclasses import replace
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
@@ -10,7 +12,7 @@ from gcs.core.errors import InfeasibleError
 from gcs.core.frames import GeoPoint, geodetic_from_enu
 from gcs.core.replanning import ReplanReason, ReplanReport, SeenObstacle, ViewpointChange, ViewpointFate
 from gcs.mavlink.events import ReplanEvent, StationEvent
-from gcs.storage.records import FlightState
+from gcs.storage.records import FlightState, TrackPoint
 
 ANCHOR = GeoPoint(31.3622, 121.6155, 4.0)
 AFTER = "01" * 32
@@ -121,6 +123,46 @@ def test_a_report_is_stored_once_acknowledged_always_and_shown_as_a_difference(c
     assert shown["left_out"]["from_s"] < shown["left_out"]["to_s"]
     assert (shown["flown_length_m"], shown["flown_duration_s"]) == (pytest.approx(4.0, abs=0.02), 4.0)
     assert lines(client, started, "replan") == ["the vehicle left the plan: a moving obstacle"]
+
+
+def test_the_flights_page_has_a_row_for_each_departure(client, started, report, tell, over, replans, offers, services):
+    url = f"/api/flights/{started['id']}/report.html"
+    assert "None was reported." in client.get(url).text
+    back = replace(
+        report,
+        number=2,
+        plan_hash="ee" * 32,
+        plan_hash_after="02" * 32,
+        rejoined_at_s=None,
+        obstacle=None,
+        viewpoints=(),
+    )
+    tell(report, back)
+    until(replans, lambda found: len(found) == 2)
+    services.database.flights.add_track(started["id"], (TrackPoint(1.0, (0, 0, 10)), TrackPoint(2.0, (60, 0, 10))))
+    over()
+    until(offers, lambda found: found and found[0]["state"] == "offered")
+    answer = client.get(url)
+    assert answer.headers["content-type"].startswith("text/html")
+    assert "sandbox" in answer.headers["content-security-policy"]
+    first, second = re.findall("<tr>(<td>.*?)</tr>", re.search('<table class="d">.*?</table>', answer.text)[0])
+    for words in (
+        "a moving obstacle",
+        "moving at 1.1 m/s, 1.4 m wide, at 8.0 / 1.0 / 10.0 m",
+        "4.0 m in 4.0 s",  # flown instead
+        "A, west: skipped",
+        "10.0 s of the vehicle",
+    ):
+        assert words in first, first
+    for words in ("does not know", "none told", "not known", "never back on the plan", "all taken"):
+        assert words in second, second
+    assert re.search("A, west, [0-9]+ m in [0-9]+ s: offered", answer.text)
+    above = ElementTree.fromstring(answer.text[answer.text.index("<svg") : answer.text.index("</svg>") + 6])
+    drawn = {e.get("class"): e.get("points").split() for e in above if e.tag == "polyline"}
+    assert set(drawn) == {"p", "t", "f", "o", "r", "x"}
+    xs = [float(pair.split(",")[0]) for pair in drawn["f"]]
+    assert 0 <= min(xs) < max(xs) <= float(above.get("width")), "the frame holds what was flown, too"
+    assert "<script" not in answer.text
 
 
 def test_a_plan_that_is_not_known_is_said_once_and_its_reports_are_kept(client, started, report, tell, replans):

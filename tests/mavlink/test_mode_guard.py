@@ -4,7 +4,7 @@ from gcs.core.errors import RefusedError
 from gcs.core.vehicle import FlightMode, MissionProgress, MissionState
 from gcs.mavlink.autopilots.ardupilot import ArduPilot
 from gcs.mavlink.autopilots.px4 import Px4
-from gcs.mavlink.mode_guard import COMMAND_WINDOW_S, VERDICT_S, ModeChange, ModeGuard, Shown
+from gcs.mavlink.mode_guard import COMMAND_WINDOW_S, VERDICT_S, WORD_S, ModeChange, ModeGuard, Shown
 
 PX4, ARDUPILOT = Px4(), ArduPilot()
 POSCTL = 3 << 16
@@ -160,3 +160,58 @@ def test_a_change_together_with_disarming_ends_the_flight():
     guard = guard_in(FlightMode.LAND)
     assert guard.on_heartbeat(Shown(px4(FlightMode.HOLD), False, 3), 1.0) is ModeChange.GROUND
     guard.check()
+
+
+LENT = frozenset({FlightMode.OFFBOARD, FlightMode.HOLD, FlightMode.LAND})
+
+
+def lent_guard(stack=PX4):
+    """A companion has brought the vehicle into OFFBOARD."""
+    guard = guard_in(FlightMode.HOLD, stack=stack)
+    guard.lend(LENT)
+    number = stack.custom_mode(FlightMode.OFFBOARD)
+    assert guard.on_heartbeat(Shown(number, True, 4), 1.0) is ModeChange.COMMANDED
+    return guard
+
+
+@pytest.mark.parametrize("stack", [PX4, ARDUPILOT])
+@pytest.mark.parametrize("mode", [FlightMode.HOLD, FlightMode.LAND])
+@pytest.mark.parametrize("word_first", [False, True])
+def test_by_its_word_a_companions_hold_is_its_own_and_a_pilots_is_not(stack, mode, word_first):
+    for taken_over in (False, True):
+        guard = lent_guard(stack)
+        verdicts = []
+        if word_first:
+            verdicts.append(guard.let_go(taken_over=taken_over))
+        verdicts.append(guard.on_heartbeat(Shown(stack.custom_mode(mode), True, 4), 2.0))
+        if not word_first:
+            assert verdicts == [ModeChange.UNDECIDED]
+            with pytest.raises(RefusedError, match="not clear yet"):
+                guard.check()
+            verdicts.append(guard.let_go(taken_over=taken_over))
+        verdicts += [guard.let_go(taken_over=taken_over), guard.on_time(99.0)]  # its word comes twice a second
+        assert verdicts.count(ModeChange.TAKEN_OVER) == taken_over, "said once, or not at all"
+        assert (guard.hands_off is not None) == taken_over
+
+
+def test_without_a_word_of_the_companion_it_was_somebody_else():
+    guard = lent_guard()
+    assert guard.on_heartbeat(Shown(px4(FlightMode.HOLD), True, 4), 2.0) is ModeChange.UNDECIDED
+    assert guard.on_time(2.0 + WORD_S - 0.1) is None
+    assert guard.on_time(2.0 + WORD_S) is ModeChange.TAKEN_OVER
+    assert "OFFBOARD" in guard.hands_off
+
+
+def test_what_a_companion_never_commands_needs_no_word():
+    guard = lent_guard()
+    assert guard.on_heartbeat(Shown(POSCTL, True, 4), 2.0) is ModeChange.TAKEN_OVER
+    assert guard.let_go(taken_over=True) is None
+
+
+def test_an_old_word_does_not_count_for_a_new_lease():
+    guard = lent_guard()
+    guard.let_go(taken_over=False)
+    guard.on_heartbeat(Shown(px4(FlightMode.HOLD), True, 4), 2.0)
+    guard.lend(LENT)
+    guard.on_heartbeat(Shown(px4(FlightMode.OFFBOARD), True, 4), 3.0)
+    assert guard.on_heartbeat(Shown(px4(FlightMode.HOLD), True, 4), 4.0) is ModeChange.UNDECIDED

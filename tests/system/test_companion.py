@@ -69,6 +69,7 @@ async def test_a_whole_flight_round_an_obstacle(kind, gcs, station, vehicle, obs
     assert pictured + len(skipped) == len(read_plan(small_plan).viewpoints), "pictured, or reported as skipped"
     assert any("finished" in text for text in events), "the companion flew the plan to its end"
     assert any("companion: leading" in text for text in events)
+    assert not any("hands off" in text for text in events), "the companion's own landing is no take-over"
 
 
 async def test_the_pilots_switch_while_the_companion_leads(gcs, station, vehicle, small_plan, tmp_path, free_port):
@@ -87,3 +88,52 @@ async def test_the_pilots_switch_while_the_companion_leads(gcs, station, vehicle
         await flown.until(lambda truth: truth["seconds_since_setpoint"] > 2.0)
         assert flown.truth["setpoints"] - before <= 3
         assert flown.truth["mode"] == "POSCTL"
+
+
+async def led(gcs, base, flown, small_plan):
+    flight = await base.prepared(flown, "companion")
+    await base.post(f"/flights/{flight}/start", confirm=flown.name)
+    under_way = await base.until(flight, lambda f: f["state"] == "flying" and f["lease"]["state"] == "leading")
+    await base.until(flight, lambda f: f["lease"]["plan_time_s"] > under_way["lease"]["plan_time_s"] + 1.0, 120)
+    return flight
+
+
+def hands_off(base, flight):
+    return [e["text"] for e in base.get(f"/flights/{flight}/events") if "hands off" in e["text"]]
+
+
+@pytest.mark.parametrize(("kind", "hold"), [("px4", "AUTO.LOITER"), ("ardupilot", "BRAKE")])
+async def test_a_pilots_own_hold_is_told_from_the_companions_and_the_flight_goes_on_when_it_is_resumed(
+    kind, hold, gcs, station, vehicle, small_plan, tmp_path, free_port
+):
+    port = free_port()
+    flown = vehicle(kind, "--companion", str(port), plan=small_plan, speedup=1, card=tmp_path / "card")
+    base = await station(small_plan)
+    async with beside(gcs, port, base, tmp_path):
+        flight = await led(gcs, base, flown, small_plan)
+        shown = (await base.until(flight, lambda f: (f["lease"] or {}).get("state") == "leading"))["lease"]
+        assert shown["lease"] != "00000000"
+        assert 0.0 <= shown["lidar_age_s"] < 5.0
+        flown.ask(f"mode {hold}")
+        held = await base.until(flight, lambda f: f["state"] == "held" and f["lease"]["state"] == "taken_over")
+        assert "resume" in held["actions"]
+        assert len(hands_off(base, flight)) == 1, hands_off(base, flight)
+        await base.post(f"/flights/{flight}/resume", expect=403, confirm="somebody")
+        await base.post(f"/flights/{flight}/resume", confirm=flown.name)
+        again = await base.until(flight, lambda f: f["state"] == "flying" and f["lease"]["state"] == "leading")
+        assert again["lease"]["lease"] != shown["lease"]
+        assert len(hands_off(base, flight)) == 1, "the companion's own change of mode is no take-over"
+
+
+async def test_a_pilots_own_landing_ends_the_flight_as_one(gcs, station, vehicle, small_plan, tmp_path, free_port):
+    port = free_port()
+    flown = vehicle("px4", "--companion", str(port), plan=small_plan, speedup=1, card=tmp_path / "card")
+    base = await station(small_plan)
+    async with beside(gcs, port, base, tmp_path):
+        flight = await led(gcs, base, flown, small_plan)
+        flown.ask("mode AUTO.LAND")
+        await base.until(flight, lambda f: f["state"] == "landing" and f["lease"]["state"] == "taken_over")
+        done = await base.until(flight, lambda f: f["state"] in OVER, 120)
+    assert done["state"] == "aborted", [e["text"] for e in base.get(f"/flights/{flight}/events")]
+    assert any("AUTO.LAND" in problem for problem in done["problems"])
+    assert len(hands_off(base, flight)) == 1

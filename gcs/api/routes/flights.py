@@ -5,9 +5,11 @@ from __future__ import annotations
 from typing import Annotated
 
 from fastapi import APIRouter, Query
-from fastapi.responses import StreamingResponse
+from fastapi.responses import Response, StreamingResponse
 
 from gcs.api.dependencies import FlightId, Services
+from gcs.api.doors import REPORT_CSP
+from gcs.api.lease_views import lease_info
 from gcs.api.replan_views import replan_info
 from gcs.api.schemas.flights import (
     CommandRequest,
@@ -35,6 +37,7 @@ from gcs.api.views import (
 )
 from gcs.core.errors import RefusedError
 from gcs.core.frames import GeoPoint
+from gcs.services.flight_report import flight_report_page
 
 router = APIRouter(prefix="/flights", tags=["flights"])
 
@@ -81,7 +84,13 @@ def get_flight(services: Services, flight_id: FlightId) -> FlightDetail:
     size = services.telemetry_logs.size_bytes(flight_id)
     name = services.telemetry_logs.file_name(flight_id)
     log = None if size is None else TelemetryLogFile(name=name, size_bytes=size)
-    return FlightDetail(**_info(services, flight_id).model_dump(), visits=visits, telemetry_log=log)
+    lease = services.flights.lease(flight_id)
+    return FlightDetail(
+        **_info(services, flight_id).model_dump(),
+        visits=visits,
+        telemetry_log=log,
+        lease=None if lease is None else lease_info(lease),
+    )
 
 
 @router.get(
@@ -99,6 +108,18 @@ def get_telemetry_log(services: Services, flight_id: FlightId) -> StreamingRespo
         "Content-Disposition": f'attachment; filename="{services.telemetry_logs.file_name(flight.id)}"',
     }
     return StreamingResponse(pieces, media_type="application/octet-stream", headers=headers)
+
+
+@router.get(
+    "/{flight_id}/report.html",
+    operation_id="getFlightReport",
+    response_class=Response,
+    responses={200: {"content": {"text/html": {"schema": {"type": "string"}}}}},
+)
+def get_flight_report(services: Services, flight_id: FlightId) -> Response:
+    """What was flown, reached, pictured and changed, for people, complete in one file."""
+    page = flight_report_page(services.database, services.plans, services.replans, flight_id)
+    return Response(page, media_type="text/html", headers={"Content-Security-Policy": REPORT_CSP})
 
 
 @router.get("/{flight_id}/preflight", operation_id="checkFlight")

@@ -8,13 +8,13 @@ from fastapi import APIRouter
 from fastapi.responses import FileResponse
 
 from gcs.api.dependencies import PlanHash, PlanId, Services
+from gcs.api.doors import REPORT_CSP
 from gcs.api.plan_drawing import plan_detail
 from gcs.api.schemas.plans import PlanAccepted, PlanDetail, PlanRequest, PlanSummary
 from gcs.api.views import job_info, plan_summary
 
 router = APIRouter(prefix="/plans", tags=["plans"])
 
-REPORT_CSP = "default-src 'none'; style-src 'unsafe-inline'; img-src data:; frame-ancestors 'self'; sandbox"
 MEDIA_TYPES = {
     ".json": "application/json",
     ".csv": "text/csv",

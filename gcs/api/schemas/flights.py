@@ -7,6 +7,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Field
 
 from gcs.api.schemas.base import Point3, Sent, Taken
+from gcs.api.schemas.leases import LeaseInfo
 from gcs.api.schemas.predictions import PredictionInfo
 from gcs.storage.records import FlightPath, FlightState, ImageState, UploadState
 
@@ -77,6 +78,9 @@ class FlightInfo(Sent):
     max_cross_track_m: float | None
     plan_time_s: float | None
     accepted_failsafes: list[str]
+    observer: str | None = Field(
+        description="The vehicle whose sightings of this one stand in for a lost position fix."
+    )
     problems: list[str]
     actions: list[str] = Field(
         description="What may be asked of it now: upload, start, pause, resume, hold, return, land."
@@ -124,6 +128,7 @@ class FlightDetail(FlightInfo):
 
     visits: list[Visit]
     telemetry_log: TelemetryLogFile | None = Field(description="Null when no packet of it was recorded.")
+    lease: LeaseInfo | None = Field(description="Null when no companion was heard to fly it since the station's start.")
 
 
 class FlightEvent(Sent):

@@ -12,6 +12,7 @@ from pydantic import Field, RootModel
 
 from gcs.api.schemas.base import Sent
 from gcs.api.schemas.flights import FlightEvent, FlightInfo, ImageInfo, TrackSample
+from gcs.api.schemas.leases import LeaseInfo
 from gcs.api.schemas.plans import JobInfo, PlanSummary
 from gcs.api.schemas.replans import PlanOfferInfo, ReplanInfo
 from gcs.api.schemas.vehicles import LinkInfo, VehicleInfo, VehicleMessage
@@ -27,6 +28,7 @@ class SnapshotMessage(Sent):
     vehicles: list[VehicleInfo]
     plans: list[PlanSummary]
     flights: list[FlightInfo]
+    leases: list[LeaseInfo]
     messages: list[VehicleMessage]
 
 
@@ -117,6 +119,13 @@ class ReplanMessage(Sent):
     replan: ReplanInfo
 
 
+class LeaseMessage(Sent):
+    """A companion tells where its lease of a flight stands."""
+
+    type: Literal["lease"] = "lease"
+    lease: LeaseInfo
+
+
 class OfferMessage(Sent):
     """A plan for what was skipped is being made, is offered, was decided on or cannot be made."""
 
@@ -145,6 +154,7 @@ AnyLiveMessage = (
     | EventMessage
     | ImageMessage
     | ReplanMessage
+    | LeaseMessage
     | OfferMessage
     | HeartbeatMessage
 )

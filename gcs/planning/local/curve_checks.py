@@ -26,13 +26,6 @@ def within_limits(curve: PiecewisePolynomial, limits: FlightLimits) -> bool:
     return bool((peaks <= most * (1 + TOLERANCE)).all())
 
 
-def beyond_slab(curve: PiecewisePolynomial, slab_m: tuple[float, float] | None) -> NDArray[np.bool_]:
-    """Which pieces lie wholly above or below what is scanned: the map says nothing about them, shape (S,)."""
-    heights = control_from_monomial(curve.coefficients)[:, :, 2]
-    low, high = slab_m or (-math.inf, math.inf)
-    return np.asarray((heights.max(axis=1) < low) | (heights.min(axis=1) > high))
-
-
 def heights_in_slab(curve: PiecewisePolynomial, slab_m: tuple[float, float] | None) -> NDArray[np.bool_]:
     """Which pieces of a curve are proved, by their control points, to stay between two heights, shape (S,)."""
     heights = control_from_monomial(curve.coefficients)[:, :, 2]

@@ -20,11 +20,11 @@ import numpy as np
 from gcs.core.errors import InfeasibleError, InputError
 from gcs.core.trajectory import PiecewisePolynomial
 from gcs.planning.local.binary_map import BinaryMap
-from gcs.planning.local.curve_checks import beyond_slab, heights_in_slab, within_limits
+from gcs.planning.local.curve_checks import heights_in_slab, within_limits
 from gcs.planning.local.curve_clearance import CellCounts
 from gcs.planning.local.curve_parts import joined_curves, motion_at, part_of_curve
 from gcs.planning.local.detour_times import profile_times
-from gcs.planning.local.tangent_path import shortest_path
+from gcs.planning.local.map_ways import REFINEMENTS, at_heights, way_on_map, with_middles
 from gcs.planning.trajectories.unconstrained_minimum_snap import minimum_snap_spline
 
 if TYPE_CHECKING:
@@ -32,6 +32,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from gcs.planning.local.known_room import KnownRoom
     from gcs.planning.trajectories.flight_limits import FlightLimits
 
 WINDOW_S = 0.2
@@ -43,10 +44,10 @@ CLEAR_S = 0.6
 REJOINS = (0.0, 1.0, 2.5, 4.5, 8.0)
 """How long (s) after it has come free the trajectory is joined again, tried in this order."""
 
-PACES = {1.0: (0.9, 0.65, 0.45, 0.3), 0.75: (0.75, 0.5), 0.5: (0.5, 0.3), 0.3: (0.25,)}
+PACES = {1.0: (0.9, 0.65, 0.45, 0.3), 0.75: (0.75, 0.5), 0.5: (0.5, 0.3)}
 """Shares of its own pace at which the trajectory is flown on, and shares of the speed limit that are tried before each.
 
-A slower trajectory is a last resort: it stays slow until it next stands still.
+A slower trajectory stays slow until it next stands still; at a lower pace than these, stopping and going on is better.
 """
 
 STILL_M_S = 1e-6
@@ -58,14 +59,8 @@ NEAREST_M = 1e-3
 SHARE_OF_ACCELERATION = 0.5
 """What the speed profile may use of the acceleration limit: snap is finite, and corners need the rest."""
 
-OPENED_CELLS = 3
-"""The margin begins so many cells further from the ends of a way than it is wide."""
-
 MOST_CURVES = 40
 """Curves that are tried for one piece: what bounds its time."""
-
-REFINEMENTS = 5
-"""How often points are added where a curve is not free."""
 
 
 @dataclass(frozen=True)
@@ -76,13 +71,20 @@ class DetourOptions:
         react_s: it leaves the trajectory no earlier after now.
         look_ahead_s: how far the trajectory is looked along.
         margins_m: the way's corners keep these distances from the grown map, tried in this order.
-        slab_m: least and greatest height of what the lidar scans; None where the map counts at every height.
+        slab_m: least and greatest height of what the lidar scans, which no piece leaves; None for no bounds.
+        known: what the known structure forbids at other heights than the map's; None for nothing.
     """
 
     react_s: float = 0.3
     look_ahead_s: float = 30.0
     margins_m: tuple[float, ...] = (0.4, 0.1)
     slab_m: tuple[float, float] | None = None
+    known: KnownRoom | None = None
+
+    def bad_pieces(self, curve: PiecewisePolynomial, wall: CellCounts) -> NDArray[np.bool_]:
+        """Which pieces of a curve are not proved to be free on a map, or at heights where they must not be."""
+        bad = wall.blocked_pieces(curve) | ~heights_in_slab(curve, self.slab_m)
+        return bad if self.known is None or bad.any() else self.known.forbids(curve)
 
 
 @dataclass(frozen=True, eq=False)
@@ -138,6 +140,7 @@ def plan_detour(
     limits: FlightLimits,
     options: DetourOptions | None = None,
     stops_s: Sequence[float] = (),
+    standing: BinaryMap | None = None,
 ) -> Detour | None:
     """Fly round what blocks the trajectory, as soon as may be.
 
@@ -148,6 +151,7 @@ def plan_detour(
         limits: kept on the true extrema of the piece.
         options: what it may be like.
         stops_s: times of the viewpoints. The piece does not leave the trajectory before those that can be reached.
+        standing: what the trajectory itself is held against, at all heights, when that is less than `area`.
 
     Returns:
         The piece, or None when nothing blocks the trajectory as far as is looked.
@@ -159,7 +163,7 @@ def plan_detour(
     options = options or DetourOptions()
     if not 0 <= now_s < trajectory.duration_s:
         raise InputError(f"{now_s:g} s is not on a trajectory of {trajectory.duration_s:g} s", field="now_s")
-    times, blocked = _blocked_windows(trajectory, now_s, area, options)
+    times, blocked = _blocked_windows(trajectory, now_s, standing or area, options)
     if not blocked.any():
         return None
     trouble_s = float(times[blocked.argmax()])
@@ -179,6 +183,7 @@ def plan_return(
     area: BinaryMap,
     limits: FlightLimits,
     options: DetourOptions | None = None,
+    standing: BinaryMap | None = None,
 ) -> Detour:
     """Come back to a trajectory from somewhere beside it, behind all that blocks it as far as is looked.
 
@@ -189,6 +194,7 @@ def plan_return(
         area: map of the plane, grown by the safe distance and all errors.
         limits: kept on the true extrema of the piece.
         options: what the piece may be like.
+        standing: what the trajectory itself is held against, at all heights, when that is less than `area`.
 
     Raises:
         InfeasibleError: no piece holds.
@@ -196,7 +202,7 @@ def plan_return(
     options = options or DetourOptions()
     rejoins_s = [trajectory.duration_s]
     if from_s < trajectory.duration_s:
-        times, blocked = _blocked_windows(trajectory, from_s, area, options)
+        times, blocked = _blocked_windows(trajectory, from_s, standing or area, options)
         behind = int(np.flatnonzero(blocked)[-1]) + 1 if blocked.any() else 0
         rejoins_s = _rejoins(times, blocked, behind) or rejoins_s
     return _joining(state, trajectory, from_s, rejoins_s, area, limits, options, ())
@@ -235,15 +241,15 @@ def _next_standstill_s(trajectory: PiecewisePolynomial, after_s: float, stops_s:
 
 
 def _blocked_windows(
-    trajectory: PiecewisePolynomial, now_s: float, area: BinaryMap, options: DetourOptions
+    trajectory: PiecewisePolynomial, now_s: float, standing: BinaryMap, options: DetourOptions
 ) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
     """Borders of short parts of the trajectory ahead (n + 1,), and which of them are not free (n,)."""
     end = min(now_s + options.look_ahead_s, trajectory.duration_s)
     times = np.linspace(now_s, end, max(math.ceil((end - now_s) / WINDOW_S), 1) + 1)
-    seen = CellCounts(area, off_map_blocked=False)
+    seen = CellCounts(standing, off_map_blocked=False)
     ahead = part_of_curve(trajectory, now_s, end, times[1:-1])
     window = np.searchsorted(times, now_s + ahead.starts_s[:-1] + ahead.durations_s / 2) - 1
-    blocked = seen.blocked_pieces(ahead) & ~beyond_slab(ahead, options.slab_m)
+    blocked = seen.blocked_pieces(ahead)
     return times, np.bincount(window, blocked, len(times) - 1) > 0
 
 
@@ -273,22 +279,9 @@ def _ways(
             goal = trajectory.value(rejoin_s)
             if not all(_in_slab(point[2], options) for point in (start, goal)):
                 continue
-            try:
-                way = shortest_path(start[:2], goal[:2], area=_opened(grown, area, (start[:2], goal[:2]), margin_m))
-            except (InputError, InfeasibleError):
-                continue  # not from here to there: another place may do
-            yield rejoin_s, way.points_m
-
-
-def _opened(grown: BinaryMap, area: BinaryMap, ends_m: Sequence[NDArray[np.float64]], margin_m: float) -> BinaryMap:
-    """The map with the margin, but without it about both ends: a vehicle may stand at the very edge of free space."""
-    blocked = grown.blocked.copy()
-    reach = math.ceil(margin_m / area.cell_m) + OPENED_CELLS
-    for end in ends_m:
-        cell = np.floor(area.cells(end)).astype(np.int64)
-        window = tuple(slice(max(k - reach, 0), max(k + reach + 1, 0)) for k in cell)
-        blocked[window] = area.blocked[window]
-    return BinaryMap(blocked, area.origin_m, area.cell_m)
+            way = way_on_map(start[:2], goal[:2], area, grown, margin_m)
+            if way is not None:
+                yield rejoin_s, way
 
 
 def _in_slab(height_m: float, options: DetourOptions) -> bool:
@@ -319,7 +312,7 @@ def _free_curve(
     """
     tried = 0
     for pace in paces:
-        points = _at_heights(way_m, float(start[0, 2]), float(end[0, 2]))
+        points = at_heights(way_m, float(start[0, 2]), float(end[0, 2]))
         points[0], points[-1] = start[0], end[0]
         for _ in range(REFINEMENTS + 1):
             if tried == most_curves:
@@ -336,23 +329,8 @@ def _free_curve(
             curve = minimum_snap_spline(points, times, list(start[1:]), list(end[1:])).piecewise_polynomial()
             if not within_limits(curve, limits):
                 break
-            bad = wall.blocked_pieces(curve) | ~heights_in_slab(curve, options.slab_m)
+            bad = options.bad_pieces(curve, wall)
             if not bad.any():
                 return curve, tried
-            points = _with_middles(points, bad)
+            points = with_middles(points, bad)
     return None, tried
-
-
-def _at_heights(way_m: NDArray[np.float64], start_m: float, end_m: float) -> NDArray[np.float64]:
-    """The way's corners (K, 3) with heights that change evenly along it; no two are one place."""
-    along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(way_m, axis=0), axis=1))])
-    kept = np.concatenate([[True], np.diff(along) > 1e-6])
-    kept[-1] = True
-    heights = start_m + (end_m - start_m) * along / max(float(along[-1]), 1e-9)
-    return np.asarray(np.column_stack([way_m, heights])[kept])
-
-
-def _with_middles(points: NDArray[np.float64], bad: NDArray[np.bool_]) -> NDArray[np.float64]:
-    """The points with one more in the middle of each bad segment."""
-    segments = np.flatnonzero(bad)
-    return np.asarray(np.insert(points, segments + 1, (points[segments] + points[segments + 1]) / 2, axis=0))

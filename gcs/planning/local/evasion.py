@@ -114,6 +114,7 @@ def evade(
     stops_s: Sequence[float] = (),
     forbidden: NDArray[np.bool_] | None = None,
     stay: bool = False,
+    room: Room | None = None,
 ) -> Evasion:
     """Choose what to do.
 
@@ -128,20 +129,21 @@ def evade(
         stops_s: times of the viewpoints on the trajectory.
         forbidden: cells of the map that nothing new may enter though no lidar sees why, of the map's shape.
         stay: come to rest, whatever comes.
+        room: `standing_room` of all this where it is known already.
 
     Raises:
         InputError: `now_s` is not on the trajectory.
         InfeasibleError: no curve to rest keeps off what stands.
     """
-    room = room_about(_without(seen, tracks, clock_s), forbidden, options.safe_m)
+    room = room or room_about(_without(seen, tracks, clock_s), forbidden, options.safe_m)
     predictions = Predictions.of(tracks, clock_s, options.moving)
     best: Evasion | None = None
     if not stay:
         rest = part_of_curve(trajectory, now_s, trajectory.duration_s)
         met_s = first_conflict_s(predictions.margins_m(rest))
-        for area in _maps_to_fly_round(room, tracks, clock_s, met_s, options):
+        for area, standing in _maps_to_fly_round(room, tracks, clock_s, met_s, options):
             try:
-                detour = plan_detour(trajectory, now_s, area, limits, options.detour, stops_s)
+                detour = plan_detour(trajectory, now_s, area, limits, options.detour, stops_s, standing)
             except InfeasibleError:
                 continue
             flown = rest if detour is None else _from_now(detour, trajectory, now_s)
@@ -161,10 +163,9 @@ def evade(
     return resting
 
 
-def standing_map(scene: Scene, safe_m: float) -> BinaryMap:
-    """The grown map of what stands."""
-    standing = _without(scene.seen, scene.tracks, scene.clock_s)
-    return room_about(standing, scene.forbidden, safe_m).blocked_below(safe_m)
+def standing_room(scene: Scene, safe_m: float) -> Room:
+    """How far everything is from what stands."""
+    return room_about(_without(scene.seen, scene.tracks, scene.clock_s), scene.forbidden, safe_m)
 
 
 def _without(seen: BinaryMap, tracks: Sequence[Track], clock_s: float) -> BinaryMap:
@@ -180,14 +181,14 @@ def _without(seen: BinaryMap, tracks: Sequence[Track], clock_s: float) -> Binary
 
 def _maps_to_fly_round(
     room: Room, tracks: Sequence[Track], clock_s: float, met_s: float | None, options: EvasionOptions
-) -> Iterator[BinaryMap]:
-    """Grown maps: of what stands, and with the moving obstacles where they are about the time at which one is met."""
-    grown = room.blocked_below(options.safe_m)
-    yield grown
+) -> Iterator[tuple[BinaryMap, BinaryMap]]:
+    """Grown maps with and without what is forbidden: of what stands, and with what moves when one of it is met."""
+    area, standing = room.blocked_below(options.safe_m), room.standing_below(options.safe_m)
+    yield area, standing
     if met_s is None:
         return
-    blocked = grown.blocked.copy()
-    middles = grown.points_m(np.moveaxis(np.indices(blocked.shape), 0, -1) + 0.5)
+    swept = np.zeros(area.blocked.shape, dtype=np.bool_)
+    middles = area.points_m(np.moveaxis(np.indices(swept.shape), 0, -1) + 0.5)
     times = clock_s + max(met_s - SWEPT_S, 0.0), clock_s + met_s + SWEPT_S
     for track in tracks:
         first, last = track.positions(times)
@@ -195,8 +196,11 @@ def _maps_to_fly_round(
         kept = options.moving.keep_m + track.radius_m + min(unsure, options.moving.most_unsure_m)
         move = last - first
         along = np.clip((middles - first) @ move / max(float(move @ move), 1e-9), 0.0, 1.0)
-        blocked |= ((middles - first - along[..., None] * move) ** 2).sum(axis=-1) < kept**2
-    yield BinaryMap(blocked, grown.origin_m, grown.cell_m)
+        swept |= ((middles - first - along[..., None] * move) ** 2).sum(axis=-1) < kept**2
+    yield (
+        BinaryMap(area.blocked | swept, area.origin_m, area.cell_m),
+        BinaryMap(standing.blocked | swept, area.origin_m, area.cell_m),
+    )
 
 
 def _from_now(detour: Detour, trajectory: PiecewisePolynomial, now_s: float) -> PiecewisePolynomial:
@@ -235,7 +239,7 @@ def _to_rest(
 ) -> Evasion | None:
     """The curve to rest that lacks least of what is asked, and among those that lack nothing the least move."""
     ahead = _places_ahead(state, limits)
-    places = np.concatenate([ahead, _places_about(ahead[0])])
+    places = np.concatenate([ahead, places_about(ahead[0], *RETREATS_M)])
     found = search_rest(state, places, limits, room, predictions)
     here_m = min(room.at(state[0]), options.safe_m)
     lack = np.minimum(found.margins_m, 0.0)
@@ -264,8 +268,8 @@ def _places_ahead(state: NDArray[np.float64], limits: FlightLimits) -> NDArray[n
     return np.asarray(state[0] + np.array(BRAKING_SHARES)[:, None] * braking_m * state[1] / speed)
 
 
-def _places_about(place_m: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Round about a place at the same height, shape (K, 3)."""
+def places_about(place_m: NDArray[np.float64], *away_m: float) -> NDArray[np.float64]:
+    """Round about a place at the same height, at some distances, shape (K, 3)."""
     turns = 2 * math.pi / DIRECTIONS * np.arange(DIRECTIONS)
     ways = np.column_stack([np.cos(turns), np.sin(turns), np.zeros(DIRECTIONS)])
-    return np.asarray(place_m + (np.array(RETREATS_M)[:, None, None] * ways).reshape(-1, 3))
+    return np.asarray(place_m + (np.array(away_m)[:, None, None] * ways).reshape(-1, 3))

@@ -12,6 +12,7 @@ if TYPE_CHECKING:
 
     from gcs.core.trajectory import PiecewisePolynomial
     from gcs.planning.local.detour import Detour
+    from gcs.planning.local.stream_loss_pace import SlowedCurve
 
 AT_REST_S = 1e-6
 """A leg that is shorter is none: the vehicle is at the stop."""
@@ -82,3 +83,19 @@ def detoured(flown: FlownLeg, detour: Detour, curve: PiecewisePolynomial, now_s:
     times = np.insert(times, jump, times[jump] - JUMP_S)
     legs = np.insert(legs, jump, legs[jump - 1])
     return FlownLeg(curve, clock_s, times, legs, min(joins_s, curve.duration_s))
+
+
+def slowed(flown: FlownLeg, slow: SlowedCurve, now_s: float, clock_s: float) -> FlownLeg:
+    """What is flown, slower from now on.
+
+    Args:
+        flown: as it was.
+        slow: what is left of its curve, slowed.
+        now_s: now, on the old curve.
+        clock_s: now.
+    """
+    knots = np.concatenate([flown.curve_s[flown.curve_s > now_s], now_s + slow.before_s])
+    knots = np.unique(knots)
+    joins_s = flown.joins_s if flown.joins_s == np.inf else float(slow.time_of(np.asarray(flown.joins_s - now_s)))
+    legs = np.interp(knots, flown.curve_s, flown.leg_s)
+    return FlownLeg(slow.curve, clock_s, slow.time_of(knots - now_s), legs, joins_s)

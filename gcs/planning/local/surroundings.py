@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from gcs.core.errors import InputError
-from gcs.planning.local.binary_map import BinaryMap
 from gcs.planning.local.lidar_map import BESIDE_M, LidarMap
 from gcs.planning.local.moving_tracks import Tracker
 from gcs.planning.local.scan_circles import scan_circles
@@ -17,14 +16,13 @@ from gcs.planning.local.scan_circles import scan_circles
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from gcs.planning.local.binary_map import BinaryMap
+    from gcs.planning.local.known_room import KnownRoom
     from gcs.planning.local.lidar_scan import LidarScan
     from gcs.planning.local.moving_tracks import Track
 
 SeenDisc = tuple[float, float, float, float, float]
 """x, y and radius (m) of an obstacle, and its velocity east and north (m/s), scene ENU."""
-
-ON_PLAN_M = 0.3
-"""So near to the plan's own path the known structure forbids nothing: the plan was certified against it."""
 
 AROUND_M = 0.15
 """What is round reaches no further than this and one deviation beyond its circle."""
@@ -41,6 +39,7 @@ class Scene:
         discs: rows of x, y and radius of what looked round in the last scan, shape (K, 3).
         forbidden: cells of the map that nothing new may enter though no lidar sees why.
         slab_m: heights for which the map holds; None for all.
+        known: what the known structure forbids elsewhere; None without one.
     """
 
     clock_s: float
@@ -49,6 +48,11 @@ class Scene:
     discs: NDArray[np.float64]
     forbidden: NDArray[np.bool_] | None
     slab_m: tuple[float, float] | None
+    known: KnownRoom | None
+
+    def column_is_free(self, place_m: NDArray[np.float64], height_m: float) -> bool:
+        """Whether the known structure leaves the way from a place (3,) straight up or down to a height."""
+        return self.known is None or self.known.column_is_free(place_m, height_m)
 
     def nearest(self, place_m: NDArray[np.float64]) -> SeenDisc | None:
         """The obstacle nearest to a place (3,); None when none is seen."""
@@ -67,11 +71,11 @@ class Surroundings:
 
     Args:
         area: the map of what was seen, empty.
-        known: see `NavigatorOptions`.
-        slab_half_m: likewise.
+        known: what the known structure forbids; None without one.
+        slab_half_m: see `NavigatorOptions`.
     """
 
-    def __init__(self, area: LidarMap, known: BinaryMap | None, slab_half_m: float | None) -> None:
+    def __init__(self, area: LidarMap, known: KnownRoom | None, slab_half_m: float | None) -> None:
         self._map, self._known, self._slab_half_m = area, known, slab_half_m
         self._tracker = Tracker()
         self._discs = np.empty((0, 3))
@@ -102,49 +106,10 @@ class Surroundings:
         round_things = np.column_stack([circles.discs[:, :2], reach])
         self._map.take(scan, position[:2], heading_rad, clock_s, moving, round_things)
 
-    def at(self, clock_s: float, height_m: float, path_m: NDArray[np.float64]) -> Scene:
-        """What is known now.
-
-        Args:
-            clock_s: now.
-            height_m: of the vehicle.
-            path_m: points of the plan's own path ahead, shape (N, 3).
-        """
+    def at(self, clock_s: float, place_m: NDArray[np.float64]) -> Scene:
+        """What is known now about the vehicle at a place (3,)."""
+        height_m = float(place_m[2])
         slab = None if self._slab_half_m is None else (height_m - self._slab_half_m, height_m + self._slab_half_m)
         seen = self._map.blocked_at(clock_s)
-        return Scene(clock_s, seen, self._tracker.moving(), self._discs, self._forbidden(seen, slab, path_m), slab)
-
-    def _forbidden(
-        self, seen: BinaryMap, slab: tuple[float, float] | None, path_m: NDArray[np.float64]
-    ) -> NDArray[np.bool_] | None:
-        if self._known is None:
-            return None
-        flat = _layers(self._known, slab)
-        axes = [
-            np.floor((seen.origin_m[k] + (np.arange(n) + 0.5) * seen.cell_m - flat.origin_m[k]) / flat.cell_m)
-            for k, n in enumerate(seen.blocked.shape)
-        ]
-        inside = [(axis >= 0) & (axis < n) for axis, n in zip(axes, flat.blocked.shape, strict=True)]
-        forbidden = np.ones(seen.blocked.shape, dtype=np.bool_)
-        i, j = (axis[good].astype(np.int64) for axis, good in zip(axes, inside, strict=True))
-        forbidden[np.ix_(*inside)] = flat.blocked[np.ix_(i, j)]
-        reach = math.ceil(ON_PLAN_M / seen.cell_m)
-        for cell in np.unique(np.floor(seen.cells(path_m[:, :2])).astype(np.int64), axis=0):
-            low = np.maximum(cell - reach, 0)
-            high = np.maximum(cell + reach + 1, 0)
-            forbidden[low[0] : high[0], low[1] : high[1]] = False
-        return forbidden
-
-
-def _layers(known: BinaryMap, slab: tuple[float, float] | None) -> BinaryMap:
-    """What is blocked at any of some heights, as a map of the plane; off the map everything is."""
-    if known.dimensions == 2:
-        return known
-    count = known.blocked.shape[2]
-    low, high = (0, count - 1)
-    if slab is not None:
-        low, high = (math.floor((z - known.origin_m[2]) / known.cell_m) for z in slab)
-    blocked = np.asarray(known.blocked[:, :, max(low, 0) : max(high + 1, 0)].any(axis=2))
-    if low < 0 or high >= count:
-        blocked = np.ones_like(blocked)
-    return BinaryMap(blocked, known.origin_m[:2], known.cell_m)
+        forbidden = None if self._known is None else self._known.forbidden(seen, place_m)
+        return Scene(clock_s, seen, self._tracker.moving(), self._discs, forbidden, slab, self._known)

@@ -16,6 +16,9 @@ if TYPE_CHECKING:
 NOTHING = 1e12
 """Square of a distance where nothing is marked at all."""
 
+LEAST_CELLS = 200_000
+"""Fewer are not worth a thread: starting it takes longer, and on a busy machine it waits for its turn."""
+
 Marks = np.ndarray[tuple[int, ...], np.dtype[np.bool_]]
 SingleFloats = np.ndarray[tuple[int, ...], np.dtype[np.float32]]
 Floats = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
@@ -32,8 +35,9 @@ def squared_distance_transform(marked: NDArray[np.bool_]) -> NDArray[np.float32]
         Shape (nx, ny, nz); exact as long as they are below 2^24; 1e12 everywhere when nothing is marked.
     """
     square = np.empty(marked.shape, dtype=np.float32)
-    in_pieces(lambda first, end: _along_z_and_y(marked, square, first, end), marked.shape[0])
-    in_pieces(lambda first, end: _along_x(square, first, end), marked.shape[1])
+    nx, ny, nz = marked.shape
+    in_pieces(lambda first, end: _along_z_and_y(marked, square, first, end), nx, math.ceil(LEAST_CELLS / (ny * nz)))
+    in_pieces(lambda first, end: _along_x(square, first, end), ny, math.ceil(LEAST_CELLS / (nx * nz)))
     return square
 
 

@@ -10,23 +10,28 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from gcs.core.frames import geodetic_from_enu
-from gcs.core.replanning import ReplanReport
+from gcs.core.replanning import ReplanReason, ReplanReport
 from gcs.core.vehicle import Autopilot
 from gcs.mavlink.companion_lease import COMPANION
 from gcs.mavlink.framing import FramePacker, FrameParser
 from gcs.mavlink.report_outbox import ReportOutbox
 from gcs.services.benchmarks.flight_station import STATION, FlightStation
 from gcs.services.benchmarks.lockstep_worlds import Order
-from gcs.services.benchmarks.random_obstacles import random_obstacles
+from gcs.services.benchmarks.random_obstacles import blocked_in_the_end, random_obstacles
 from gcs.services.benchmarks.report_world import ReportsInMemory
 from gcs.services.benchmarks.wall_plan import ANCHOR, HOME_M, WallPlans, wall_plan
-from gcs.services.companion.core import CompanionCore
+from gcs.services.companion.core import CompanionCore, CompanionOptions
 
 if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
     from gcs.mavlink.dialect import Message
 
 SYSTEM_ID = 1
 LOSS = 0.05
+STREAM_HZ = 20.0
+"""The fewest setpoints that are allowed: the hardest for the vehicle, and the least to compute."""
+
 PHOTOGRAPHED_M = 1.0
 """A picture taken within this of a viewpoint is one of it."""
 
@@ -42,7 +47,8 @@ class FlightOutcome:
         touched: obstacles that it touched.
         viewpoints: of the plan.
         photographed: viewpoints of which there is a picture, in truth.
-        skipped: other viewpoints whose skipping was reported.
+        skipped: for each other viewpoint whose skipping was reported the reason.
+        reachable: how many of the skipped have nothing that stands too near for good.
         reports_made: by the companion.
         reports_once: of these, came to the station exactly once and as they were.
         by_hand: why it had to be ended by hand; None when it ended by itself.
@@ -55,7 +61,8 @@ class FlightOutcome:
     touched: tuple[str, ...]
     viewpoints: int
     photographed: int
-    skipped: int
+    skipped: tuple[ReplanReason, ...]
+    reachable: int
     reports_made: int
     reports_once: int
     by_hand: str | None
@@ -64,7 +71,7 @@ class FlightOutcome:
     @property
     def unaccounted(self) -> int:
         """Viewpoints that were neither photographed nor reported as skipped."""
-        return self.viewpoints - self.photographed - self.skipped
+        return self.viewpoints - self.photographed - len(self.skipped)
 
 
 class _AllReports(ReportsInMemory):
@@ -102,12 +109,15 @@ async def fly_once(seed: int) -> FlightOutcome:
     assert flyable is not None  # it is made at once
     way_m = flyable.curve.value(np.arange(flyable.leave_s, flyable.enter_s, 0.2))
     take_off_m = flyable.curve.value(flyable.leave_s)
+    viewpoints_m = np.array([viewpoint.position_m for viewpoint in made.plan.viewpoints])
+    keep_m = made.plan.scenario.centre_clearance_m
+    obstacles = random_obstacles(rng, way_m, np.asarray(HOME_M), viewpoints_m, keep_m)
     spec = {
         "autopilot": autopilot.value,
         "seed": seed,
         "anchor": ANCHOR,
         "home": [float(c) for c in geodetic_from_enu(HOME_M, made.plan.scenario.anchor.point)],
-        "obstacles": random_obstacles(rng, way_m, np.asarray(HOME_M)),
+        "obstacles": obstacles,
         "loss": LOSS,
     }
     await Order("open-flight", seed, spec)
@@ -119,7 +129,14 @@ async def fly_once(seed: int) -> FlightOutcome:
     air, cable = _End(STATION), _End((SYSTEM_ID, COMPANION))
     memory = _AllReports()
     outbox = ReportOutbox(memory, cable.send, clock, boot_id=seed)
-    core = CompanionCore(system_id=SYSTEM_ID, send=cable.send, clock=clock, plans=WallPlans(), outbox=outbox)
+    core = CompanionCore(
+        system_id=SYSTEM_ID,
+        send=cable.send,
+        clock=clock,
+        plans=WallPlans(),
+        outbox=outbox,
+        options=CompanionOptions(stream_hz=STREAM_HZ),
+    )
     altitude = float(geodetic_from_enu(take_off_m, made.plan.scenario.anchor.point)[2])
     station = FlightStation(autopilot, altitude, made.plan_hash, air.send, clock)
     ends: dict[str, tuple[_End, FlightStation | CompanionCore]] = {
@@ -137,16 +154,24 @@ async def fly_once(seed: int) -> FlightOutcome:
             if now_s >= machine.deadline:
                 machine.on_time()
     truth = await Order("truth", seed, None)
-    return _outcome(seed, autopilot, truth, station, memory.added)
+    blocked = blocked_in_the_end(obstacles, viewpoints_m, keep_m)
+    return _outcome(seed, autopilot, truth, station, memory.added, blocked)
 
 
 def _outcome(
-    seed: int, autopilot: Autopilot, truth: dict[str, Any], station: FlightStation, made: list[ReplanReport]
+    seed: int,
+    autopilot: Autopilot,
+    truth: dict[str, Any],
+    station: FlightStation,
+    made: list[ReplanReport],
+    blocked: NDArray[np.bool_],
 ) -> FlightOutcome:
     viewpoints = wall_plan().plan.viewpoints
     shots = np.array([shot["position_m"] for shot in truth["shots"]]).reshape(-1, 3)
     photographed = {v.id for v in viewpoints if (np.linalg.norm(shots - v.position_m, axis=1) <= PHOTOGRAPHED_M).any()}
-    skipped = {change.viewpoint for report in station.reports for change in report.viewpoints} - photographed
+    told = {change.viewpoint: report.reason for report in station.reports for change in report.viewpoints}
+    skipped = {viewpoint: reason for viewpoint, reason in told.items() if viewpoint not in photographed}
+    free = {v.id for v, is_blocked in zip(viewpoints, blocked, strict=True) if not is_blocked}
     came = Counter((report.number, report.plan_hash_after) for report in station.reports)
     least_m = truth["obstacles"]["least_distance_m"]
     return FlightOutcome(
@@ -156,7 +181,8 @@ def _outcome(
         touched=tuple(truth["obstacles"]["touched"]),
         viewpoints=len(viewpoints),
         photographed=len(photographed),
-        skipped=len(skipped),
+        skipped=tuple(skipped.values()),
+        reachable=len(free & skipped.keys()),
         reports_made=len(made),
         reports_once=sum(came[report.number, report.plan_hash_after] == 1 for report in made),
         by_hand=station.by_hand,

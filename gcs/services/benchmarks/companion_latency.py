@@ -2,7 +2,8 @@
 
 A simulated vehicle is led by a companion, in processes of their own. This process is the station that follows the
 flight, and passes the companion's link on: so it knows when each scan went off to the companion. Beside it one more
-process makes a plan over and over. The companion's process says when what follows from a scan was sent.
+process makes a plan over and over. The companion's process says when what follows from a scan was sent. One more gets
+the same scans at the same time and does nothing but note when: what the machine gives anybody.
 """
 
 from __future__ import annotations
@@ -10,6 +11,7 @@ from __future__ import annotations
 import asyncio
 import json
 import signal
+import socket
 import subprocess
 import sys
 import time
@@ -49,17 +51,25 @@ def run(quick: bool) -> list[Row]:
         quick: three seconds instead of thirty, and no other work on the machine.
     """
     with TemporaryDirectory(prefix="gcs-latency-") as scratch:
-        delays_ms = asyncio.run(_measure(Path(scratch), 3.0 if quick else 30.0, [] if quick else ["plan"]))
+        ours_ms, bare_ms = asyncio.run(_measure(Path(scratch), 3.0 if quick else 30.0, [] if quick else ["plan"]))
     return [
-        Row("latency", f"p{share}_ms", float(np.percentile(delays_ms, share)), "ms", "asked", asked)
-        for share, asked in ((50, None), (99, ASKED_MS))
+        *(
+            Row("latency", f"p{share}_ms", float(np.percentile(ours_ms, share)), "ms", "asked", asked)
+            for share, asked in ((50, None), (99, ASKED_MS))
+        ),
+        Row("latency", "bare_p99_ms", float(np.percentile(bare_ms, 99)), "ms"),
     ]
 
 
 class _PassedOn(asyncio.DatagramProtocol):
-    """The companion's link, with the times at which scans went through it."""
+    """The companion's link, with the times at which scans went through it.
 
-    def __init__(self) -> None:
+    Args:
+        bare: port of the process that gets the scans beside the companion.
+    """
+
+    def __init__(self, bare: int) -> None:
+        self._bare = ("127.0.0.1", bare)
         self.scans: dict[int, float] = {}
         self._parser = FrameParser()
         self._vehicle: Any = None
@@ -87,6 +97,7 @@ class _PassedOn(asyncio.DatagramProtocol):
         for message in self._parser.feed(data):
             if message.get_type() == SCAN:
                 self.scans[int(message.time_usec)] = time.monotonic()
+                self._transport.sendto(data, self._bare)
         if self._companion is not None:
             self._transport.sendto(data, self._companion)
 
@@ -95,24 +106,28 @@ def _is_companions(data: bytes) -> bool:
     return any(message.get_srcComponent() == 191 for message in FrameParser().feed(data))
 
 
-async def _measure(scratch: Path, seconds: float, others: list[str]) -> list[float]:
-    """Delays (ms) of the scans of a while."""
+async def _measure(scratch: Path, seconds: float, others: list[str]) -> tuple[list[float], list[float]]:
+    """Delays (ms) of the scans of a while, of the companion and of the bare loop."""
     made = wall_plan()
     folder = scratch / "plan"
     write_certified(made.plan, structure_of_solids([box(*WALL_M)]), folder, SilentProgress())
     home = GeoPoint(*(float(c) for c in geodetic_from_enu(made.plan.scenario.home_m, GeoPoint(*ANCHOR))))
-    transport, passed_on = await asyncio.get_running_loop().create_datagram_endpoint(
-        _PassedOn, local_addr=("127.0.0.1", 0)
-    )
     services = StationServices(scratch / "station", stored_links=False)
     with ExitStack() as running:
+        bare = running.enter_context(_process("bare"))
+        running.callback(bare.terminate)
+        assert bare.stdout is not None  # it is a pipe
+        bare_port = int(await asyncio.to_thread(bare.stdout.readline))
+        transport, passed_on = await asyncio.get_running_loop().create_datagram_endpoint(
+            lambda: _PassedOn(bare_port), local_addr=("127.0.0.1", 0)
+        )
         running.callback(transport.close)
         async with services.running(_nothing):
             url = await services.vehicles.station.open("udpin:127.0.0.1:0")
             extra = ("--companion", str(passed_on.port), "--tcp-base", "none")
             port, anchor = int(url.rsplit(":", 1)[1]), GeoPoint(*ANCHOR)
             running.enter_context(Simulator(SimulatorOptions(port=port, home=home, anchor=anchor, extra=extra)))
-            companion = running.enter_context(_process(passed_on.port, folder, scratch))
+            companion = running.enter_context(_process(f"udpout:127.0.0.1:{passed_on.port}", str(folder), str(scratch)))
             running.callback(companion.terminate)
             await _lead(services, folder)
             for what in others:
@@ -120,16 +135,22 @@ async def _measure(scratch: Path, seconds: float, others: list[str]) -> list[flo
             begin_s = time.monotonic()
             await asyncio.sleep(seconds)
             end_s = time.monotonic()
-            companion.terminate()
-            told, _ = await asyncio.to_thread(companion.communicate)
-    sent = {int(stamp): at_s for stamp, at_s in json.loads(told.splitlines()[-1]).items()}
-    within = {stamp: at_s for stamp, at_s in passed_on.scans.items() if begin_s <= at_s < end_s and stamp in sent}
-    return [1e3 * (sent[stamp] - at_s) for stamp, at_s in within.items()]
+            told = [await asyncio.to_thread(_last_words, process) for process in (companion, bare)]
+    within = {stamp: at_s for stamp, at_s in passed_on.scans.items() if begin_s <= at_s < end_s}
+    ours, others_s = ([1e3 * (at[stamp] - at_s) for stamp, at_s in within.items() if stamp in at] for at in told)
+    return ours, others_s
 
 
-def _process(port: int, plan: Path, keep: Path) -> subprocess.Popen[str]:
-    line = [sys.executable, "-m", __name__, f"udpout:127.0.0.1:{port}", str(plan), str(keep)]
+def _process(*arguments: str) -> subprocess.Popen[str]:
+    line = [sys.executable, "-m", __name__, *arguments]
     return subprocess.Popen(line, stdout=subprocess.PIPE, text=True)
+
+
+def _last_words(process: subprocess.Popen[str]) -> dict[int, float]:
+    """End a process, and read when it was done with each scan."""
+    process.terminate()
+    told, _ = process.communicate()
+    return {int(stamp): at_s for stamp, at_s in json.loads(told.splitlines()[-1]).items()}
 
 
 def _nothing(told: object) -> str:
@@ -186,5 +207,24 @@ def _companion(url: str, plan: Path, keep: Path) -> None:
     print(json.dumps(sent))
 
 
+def _bare() -> None:
+    """Print a port, note when each scan came there, and print that in the end."""
+    came: dict[int, float] = {}
+    parser = FrameParser()
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as door:
+        door.bind(("127.0.0.1", 0))
+        print(door.getsockname()[1], flush=True)
+        signal.signal(signal.SIGTERM, signal.default_int_handler)
+        with suppress(KeyboardInterrupt):
+            while True:
+                for message in parser.feed(door.recv(65536)):
+                    if message.get_type() == SCAN:
+                        came[int(message.time_usec)] = time.monotonic()
+    print(json.dumps(came))
+
+
 if __name__ == "__main__":
-    _companion(sys.argv[1], Path(sys.argv[2]), Path(sys.argv[3]))
+    if sys.argv[1] == "bare":
+        _bare()
+    else:
+        _companion(sys.argv[1], Path(sys.argv[2]), Path(sys.argv[3]))

@@ -1,9 +1,10 @@
 """Obstacles about a plan, drawn at random, that a vehicle can avoid with a 2D lidar.
 
 What stands or moves in the way reaches above and below every height at which the plan is flown, or it stays well below:
-nobody avoids what the lidar cannot see. Nothing comes near home, where the autopilot takes off and lands by itself,
-and what moves passes whatever stands by a gap that is wide enough to stay in. Otherwise it does not care for the
-vehicle: it crosses its way, stops on it, or comes up to where it hovers.
+nobody avoids what the lidar cannot see. What moves is under way from the start: nobody avoids what stands beside him
+and sets out at full speed. Nothing comes near home, where the autopilot takes off and lands by itself, and what moves
+passes whatever stands by a gap that is wide enough to stay in. Few things come to stand where a picture is to be taken.
+Otherwise they do not care for the vehicle: they cross its way, stop on it, or come up to where it hovers.
 """
 
 from __future__ import annotations
@@ -26,8 +27,11 @@ LARGEST_Y_M = 9.0
 """Further north there is the wall."""
 ASIDE_M = 3.0
 ARRIVES_S = (12.0, 60.0)
-APPROACH_M = (12.0, 25.0)
+GOES_ON_M = (12.0, 25.0)
 STOPS_SHARE = 0.3
+ON_VIEWPOINT_SHARE = 0.1
+"""Of what was drawn to stand too near to a viewpoint so many are kept there."""
+
 TRIES = 100
 
 
@@ -50,13 +54,21 @@ FLYING = Kind("drone", (0.4, 0.7), 0.6, 6.0, (2.0, 4.0))
 """Both taller than they are, for the lidar's plane to meet them wherever the hull can."""
 
 
-def random_obstacles(rng: np.random.Generator, way_m: NDArray[np.float64], home_m: NDArray[np.float64]) -> list[Spec]:
+def random_obstacles(
+    rng: np.random.Generator,
+    way_m: NDArray[np.float64],
+    home_m: NDArray[np.float64],
+    viewpoints_m: NDArray[np.float64],
+    keep_m: float,
+) -> list[Spec]:
     """Draw obstacles, at least one of them in the way.
 
     Args:
         rng: for everything.
         way_m: places along the plan, shape (N, 3), scene ENU.
         home_m: shape (3,).
+        viewpoints_m: where pictures are taken, shape (V, 3).
+        keep_m: what the vehicle's centre keeps from obstacles.
     """
     drawn: list[Spec] = []
     most = {PARKED: 2, LOW: 1, FLYING: 1, DRIVING: 2, WALKING: 2}
@@ -68,10 +80,27 @@ def random_obstacles(rng: np.random.Generator, way_m: NDArray[np.float64], home_
         for _ in range(count):
             for _ in range(TRIES):
                 spec = _moving(rng, kind, way_m) if moves else _standing(rng, kind, way_m)
-                if _is_fair(spec, drawn, home_m):
+                stays_off = not blocked_in_the_end([spec], viewpoints_m, keep_m).any()
+                if _is_fair(spec, drawn, home_m) and (stays_off or rng.random() < ON_VIEWPOINT_SHARE):
                     drawn.append(spec)
                     break
     return drawn
+
+
+def blocked_in_the_end(specs: list[Spec], places_m: NDArray[np.float64], keep_m: float) -> NDArray[np.bool_]:
+    """Whether something stands so near to each of some places (N, 3) for good that a vehicle cannot be there.
+
+    Args:
+        specs: obstacles.
+        places_m: scene ENU.
+        keep_m: what the vehicle's centre keeps from obstacles.
+    """
+    blocked = np.zeros(len(places_m), dtype=np.bool_)
+    for spec in specs:
+        away_m = np.linalg.norm(places_m[:, :2] - spec["path_m"][-1], axis=1) - spec["radius_m"]
+        above_m = places_m[:, 2] - (spec["base_m"] + spec["height_m"])
+        blocked |= (away_m < keep_m) & (above_m < keep_m)
+    return blocked
 
 
 def _standing(rng: np.random.Generator, kind: Kind, way_m: NDArray[np.float64]) -> Spec:
@@ -82,11 +111,13 @@ def _standing(rng: np.random.Generator, kind: Kind, way_m: NDArray[np.float64]) 
 def _moving(rng: np.random.Generator, kind: Kind, way_m: NDArray[np.float64]) -> Spec:
     target, course = rng.choice(way_m)[:2], rng.uniform(0.0, 2.0 * math.pi)
     along = np.array([math.cos(course), math.sin(course)])
-    before, after = rng.uniform(*APPROACH_M), rng.uniform(*APPROACH_M)
-    path = [target - before * along, target if rng.random() < STOPS_SHARE else target + after * along]
-    spec = _spec(rng, kind, path)
-    start_s = rng.uniform(*ARRIVES_S) - before / spec["speed_m_s"]
-    return {**spec, "start_s": float(max(start_s, 0.0))}
+    speed_m_s = rng.uniform(*kind.speed_m_s)
+    before_m = speed_m_s * rng.uniform(*ARRIVES_S)
+    path = [
+        target - before_m * along,
+        target if rng.random() < STOPS_SHARE else target + rng.uniform(*GOES_ON_M) * along,
+    ]
+    return {**_spec(rng, kind, path), "speed_m_s": float(speed_m_s)}
 
 
 def _spec(rng: np.random.Generator, kind: Kind, path: list[NDArray[np.float64]]) -> Spec:
@@ -96,7 +127,6 @@ def _spec(rng: np.random.Generator, kind: Kind, path: list[NDArray[np.float64]])
         "radius_m": float(rng.uniform(*kind.radius_m)),
         "base_m": kind.base_m,
         "height_m": kind.height_m,
-        "speed_m_s": float(rng.uniform(*kind.speed_m_s)),
     }
 
 
@@ -115,7 +145,7 @@ def _is_fair(spec: Spec, others: list[Spec], home_m: NDArray[np.float64]) -> boo
 
 def _places(spec: Spec) -> NDArray[np.float64]:
     path = np.asarray(spec["path_m"])
-    return np.asarray(path[0] + np.linspace(0.0, 1.0, 100)[:, None] * (path[-1] - path[0]))
+    return np.asarray(path[0] + np.linspace(0.0, 1.0, 400)[:, None] * (path[-1] - path[0]))
 
 
 def _least(a: NDArray[np.float64], b: NDArray[np.float64]) -> float:

@@ -37,7 +37,7 @@ class WallPlan:
 
 
 class WallPlans:
-    """Implements `gcs.services.companion.core.PlanSource` for this one plan."""
+    """Implements `gcs.services.companion.doors.PlanSource` for this one plan."""
 
     def get(self, plan_hash: str, offboard_timeout_s: float) -> FlyablePlan | None:
         """See PlanSource."""

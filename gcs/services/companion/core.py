@@ -8,7 +8,7 @@ never leaves return, landing or a pilot's mode. The station is needed for orders
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -18,6 +18,7 @@ from gcs.core.replanning import ReplanReason
 from gcs.mavlink.companion_lease import (
     COMPANION,
     NO_HASH,
+    OVER,
     LeaseOrder,
     LeaseState,
     LeaseStatus,
@@ -29,16 +30,18 @@ from gcs.mavlink.dialect import mavlink
 from gcs.mavlink.heartbeats import autopilot_of, is_vehicle
 from gcs.mavlink.status_text import status_text_messages
 from gcs.mavlink.stepped_channel import SteppedTask
-from gcs.services.companion.departure_report import departure_report
+from gcs.services.companion.departure_report import departure_reports, unreached
+from gcs.services.companion.lease_memory import LeaseMemory
 from gcs.services.companion.led_flight import LedFlight, Progress
 from gcs.services.companion.own_vehicle import OwnVehicle
 from gcs.services.companion.senses import SENSOR_MESSAGES, Senses
+from gcs.storage.lease_file import KeptLease
 
 if TYPE_CHECKING:
-    from gcs.core.replanning import ReplanReport
     from gcs.mavlink.dialect import Message
     from gcs.mavlink.transaction import Clock, Send
     from gcs.planning.local.local_replan import LocalReplan
+    from gcs.services.companion.doors import Outbox, PlanSource
     from gcs.services.companion.flyable_plan import FlyablePlan
 
 HEARTBEAT_S = 1.0
@@ -56,53 +59,6 @@ OBJECTION_S = 4.0
 WARNING = 4
 AUTOPILOT_SILENT_S = 3.0
 POSITION_SILENT_S = 0.7
-
-
-class PlanSource(Protocol):
-    """Where plans come from."""
-
-    def get(self, plan_hash: str, offboard_timeout_s: float) -> FlyablePlan | None:
-        """A plan by its hash, ready to be flown; None while it is being got.
-
-        Args:
-            plan_hash: SHA-256 of its plan.json, 64 hex digits.
-            offboard_timeout_s: for how long the vehicle flies on when setpoints stop.
-
-        Raises:
-            GcsError: it cannot be had, and why.
-        """
-        ...
-
-
-class Outbox(Protocol):
-    """Delivers reports, however long that takes (`gcs.mavlink.report_outbox`)."""
-
-    @property
-    def boot_id(self) -> int:
-        """Of this start of the companion."""
-        ...
-
-    @property
-    def pending(self) -> int:
-        """Reports that are not acknowledged."""
-        ...
-
-    @property
-    def deadline(self) -> float:
-        """Clock time at which `on_time` wants to be called next."""
-        ...
-
-    def add(self, report: ReplanReport) -> None:
-        """Take a report to be delivered."""
-        ...
-
-    def handle(self, message: Message) -> None:
-        """Take a message; acknowledgements are of interest."""
-        ...
-
-    def on_time(self) -> None:
-        """Send what is due."""
-        ...
 
 
 @dataclass(frozen=True)
@@ -134,6 +90,7 @@ class CompanionCore:
         plans: where plans come from.
         outbox: delivers reports.
         options: how it is set up.
+        memory: of the time before a restart.
     """
 
     def __init__(
@@ -145,6 +102,7 @@ class CompanionCore:
         plans: PlanSource,
         outbox: Outbox,
         options: CompanionOptions | None = None,
+        memory: LeaseMemory | None = None,
     ) -> None:
         self._options = options or CompanionOptions()
         self._system_id = system_id
@@ -168,6 +126,11 @@ class CompanionCore:
         self._said: dict[str, float] = {}
         self._texts = 0
         self._beat_at = self._tell_at = self._watch_at = clock()
+        self._memory = memory or LeaseMemory(None)
+        self._cut_short: KeptLease | None = None
+        """The lease that led the vehicle when the companion was restarted, until what it left is told."""
+        if self._memory.before is not None:
+            self._take_up(self._memory.before)
 
     # ---- what it is told ----
 
@@ -213,13 +176,13 @@ class CompanionCore:
         """What is told of the lease."""
         now = None if self._vehicle is None else self._vehicle.now_s()
         quality = self._senses.odometry.quality
-        away = self._flight is not None and not self._flight.over and self._flight.away
+        departing = None if self._flight is None or self._flight.over else self._flight.departing
         return LeaseStatus(
             lease=0 if self._order is None else self._order.lease,
             state=self._state,
-            away=ReplanReason.STANDING_OBSTACLE if away else 0,
+            away=departing or 0,
             plan_hash=NO_HASH if self._order is None else self._order.plan_hash,
-            plan_time_s=0.0 if self._flight is None else self._flight.plan_time_s,
+            plan_time_s=self._so_far.plan_s or 0.0 if self._flight is None else self._flight.plan_time_s,
             vehicle_s=now or 0.0,
             reports_pending=self._outbox.pending,
             lidar_age_s=None if now is None else self._senses.lidar_age_s(now),
@@ -362,14 +325,63 @@ class CompanionCore:
         place, origin = vehicle.poses.position(now_s), vehicle.telemetry.origin
         if place is None or origin is None or vehicle.poses.attitude(now_s) is None:
             return "the vehicle does not tell where it is"
-        so_far = self._progress_on(flyable).curve_s
-        start = flyable.curve.value(flyable.leave_s if so_far is None else so_far)
+        so_far = self._progress_on(flyable).plan_s
+        start = flyable.curve.value(flyable.leave_s if so_far is None else flyable.time_of(so_far))
         rotation, shift = rigid_between(flyable.plan.scenario.anchor.point, origin.value)
         off_m = float(np.linalg.norm(place - (rotation @ start + shift)))
-        return None if off_m <= NEAR_START_M else f"{off_m:.0f} m away from where the plan goes on"
+        near_m = NEAR_START_M if so_far is None else NEAR_START_M + flyable.swept_m
+        return None if off_m <= near_m else f"{off_m:.0f} m away from where the plan goes on"
 
     def _progress_on(self, flyable: FlyablePlan) -> Progress:
         return self._progress.setdefault(flyable.plan_hash, Progress())
+
+    # ---- what it remembers ----
+
+    @property
+    def _so_far(self) -> Progress:
+        """Of the last order's plan."""
+        return Progress() if self._order is None else self._progress.get(self._order.plan_hash, Progress())
+
+    def _take_up(self, before: KeptLease) -> None:
+        """Know what was so before a restart; a vehicle that flies has found its own hold, and waits for an order."""
+        self._order = LeaseOrder(before.lease, OrderKind.FLY, before.plan_hash)
+        self._past_leases.add(before.lease)
+        self._progress[before.plan_hash] = Progress(before.plan_s, set(before.done))
+        if before.state in OVER:
+            self._state, self._text = LeaseState(before.state), "restarted"
+        else:
+            self._state, self._text = LeaseState.ENDED, f"restarted; {len(before.done)} viewpoints were done"
+            self._cut_short = before
+
+    def _account_for_cut_short(self, vehicle: OwnVehicle, now_s: float | None) -> None:
+        """Tell what a lease that was cut short by a restart left, as soon as its plan is at hand."""
+        before, order = self._cut_short, self._order
+        if before is None or order is None or now_s is None or vehicle.offboard_timeout_s is None:
+            return
+        if order.lease == before.lease:
+            try:
+                self._flyable = self._plans.get(before.plan_hash, vehicle.offboard_timeout_s)
+            except GcsError as error:
+                self._say(f"what the lease before the restart left is not reported: {error.message}")
+                self._cut_short = None
+                return
+            if self._flyable is None:
+                return
+            rest = tuple(v.id for v in self._flyable.plan.viewpoints if v.id not in before.done)
+            if rest:
+                self._departed(unreached(ReplanReason.LEASE_ENDED, rest, now_s, before.plan_s or 0.0))
+        self._cut_short = None
+
+    def _remember(self) -> None:
+        if self._order is not None:
+            so_far, order = self._so_far, self._order
+            done = tuple(sorted(so_far.done))
+            self._memory.remember(KeptLease(order.lease, self._state, order.plan_hash, so_far.plan_s, done))
+
+    def _forget_flown(self, vehicle: OwnVehicle) -> None:
+        """What is flown after a landing begins anew."""
+        if self._progress and not self._leading and vehicle.on_ground:
+            self._progress.clear()
 
     def _lead(self, order: LeaseOrder) -> None:
         assert self._vehicle is not None and self._flyable is not None  # nothing speaks against it
@@ -389,11 +401,9 @@ class CompanionCore:
 
     def _departed(self, replan: LocalReplan) -> None:
         assert self._flyable is not None  # a flight of it reports
-        report = departure_report(replan, self._flyable.plan, self._flyable.plan_hash, self._outbox.boot_id)
-        try:
+        plan, plan_hash = self._flyable.plan, self._flyable.plan_hash
+        for report in departure_reports(replan, plan, plan_hash, self._outbox.boot_id):
             self._outbox.add(report)
-        except InputError as error:  # one that does not fit on the wire must not end the flight
-            self._say(f"a report is lost: {error.message}")
         self._tell_at = self._clock()
 
     # ---- what it watches ----
@@ -405,8 +415,11 @@ class CompanionCore:
         vehicle.on_time()
         if self._introduction is not None and self._introduction.finished:
             self._introduction = None
-        self._begin()
         now, flight = vehicle.now_s(), self._flight
+        self._account_for_cut_short(vehicle, now)
+        self._forget_flown(vehicle)
+        self._begin()
+        self._remember()
         if flight is None or flight.over or now is None:
             return
         if not vehicle.is_fresh("armed", AUTOPILOT_SILENT_S):
@@ -439,13 +452,14 @@ class CompanionCore:
                 self._progress.pop(self._order.plan_hash, None)
             self._enter(LeaseState.FINISHED, "the plan is flown; the vehicle lands")
         elif flight.ended is not None:
-            self._enter(LeaseState.ENDED, flight.ended)
+            self._enter(LeaseState.TAKEN_OVER if flight.taken_over else LeaseState.ENDED, flight.ended)
             self._say(f"lease ended: {flight.ended}")
 
     # ---- what it tells ----
 
     def _enter(self, state: LeaseState, text: str) -> None:
         self._state, self._text = state, text
+        self._remember()
         self._tell()
 
     def _answer(self, order: LeaseOrder, state: LeaseState, text: str) -> None:

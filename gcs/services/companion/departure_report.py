@@ -2,24 +2,34 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from gcs.core.frames import GeoPoint, geodetic_from_enu
 from gcs.core.replanning import ReplanReport, SeenObstacle, ViewpointChange, ViewpointFate
+from gcs.mavlink.replan_messages import MOST_VIEWPOINTS
+from gcs.planning.local.local_replan import LocalReplan
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from gcs.core.plan import Plan
-    from gcs.planning.local.local_replan import LocalReplan
+    from gcs.core.replanning import ReplanReason
 
 IN_OFFBOARD = -1
 
 
-def departure_report(replan: LocalReplan, plan: Plan, plan_hash: str, boot_id: int) -> ReplanReport:
-    """The report; its number and the hash after it are for whoever sends it.
+def unreached(reason: ReplanReason, viewpoints: tuple[int, ...], clock_s: float, plan_time_s: float) -> LocalReplan:
+    """Not a departure: viewpoints that are left when a lease is over."""
+    return LocalReplan(reason, clock_s, None, np.empty((0, 3)), None, viewpoints, plan_time_s)
+
+
+def departure_reports(replan: LocalReplan, plan: Plan, plan_hash: str, boot_id: int) -> list[ReplanReport]:
+    """The report, and more of them for viewpoints that do not fit into one.
+
+    Their numbers and the hashes after them are for whoever sends them.
 
     Args:
         replan: scene ENU, times on the vehicle's clock.
@@ -30,7 +40,7 @@ def departure_report(replan: LocalReplan, plan: Plan, plan_hash: str, boot_id: i
     anchor = plan.scenario.anchor.point
 
     def geo(places_m: ArrayLike) -> tuple[GeoPoint, ...]:
-        columns = geodetic_from_enu(np.atleast_2d(places_m), anchor)
+        columns = geodetic_from_enu(np.reshape(places_m, (-1, 3)), anchor)
         return tuple(GeoPoint(*(float(value) for value in row)) for row in zip(*columns, strict=True))
 
     obstacle = None
@@ -39,7 +49,7 @@ def departure_report(replan: LocalReplan, plan: Plan, plan_hash: str, boot_id: i
         obstacle = SeenObstacle(geo([x, y, replan.path_m[0, 2]])[0], radius_m, (east, north))
     changes = [ViewpointChange(viewpoint, ViewpointFate.SKIPPED, None) for viewpoint in replan.skipped]
     changes += [ViewpointChange(v, ViewpointFate.MOVED, geo(place)[0]) for v, place in replan.moved]
-    return ReplanReport(
+    report = ReplanReport(
         boot_id=boot_id,
         number=0,
         plan_hash=plan_hash,
@@ -50,5 +60,7 @@ def departure_report(replan: LocalReplan, plan: Plan, plan_hash: str, boot_id: i
         rejoined_at_s=replan.rejoined_clock_s,
         obstacle=obstacle,
         path=geo(replan.path_m),
-        viewpoints=tuple(changes),
+        viewpoints=tuple(changes[:MOST_VIEWPOINTS]),
     )
+    more = [tuple(changes[k : k + MOST_VIEWPOINTS]) for k in range(MOST_VIEWPOINTS, len(changes), MOST_VIEWPOINTS)]
+    return [report, *(replace(report, path=(), viewpoints=part) for part in more)]

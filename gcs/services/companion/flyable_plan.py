@@ -8,28 +8,24 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from gcs.core.trajectory import PiecewisePolynomial
 from gcs.planning.local.binary_map import BinaryMap
 from gcs.planning.scene.distance_field import build_distance_field
 from gcs.planning.scene.fence import fence_volume, room_in_fence
 from gcs.planning.scene.point_distance import SceneDistance
 from gcs.planning.trajectories.flight_limits import limits_of
 from gcs.planning.trajectories.retiming import TimeWarp, identity_warp
-from gcs.planning.trajectories.stream_loss import slow_for_stream_loss
+from gcs.planning.trajectories.stream_loss import StreamLoss, slow_for_stream_loss
+from gcs.planning.trajectories.warped_curve import slowed_curve
 from gcs.services.home_column import column_times
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
     from gcs.core.plan import Plan
     from gcs.core.structure import Structure
+    from gcs.core.trajectory import PiecewisePolynomial
     from gcs.planning.trajectories.flight_limits import FlightLimits
 
 BRAKING_SHARE = 0.8
 """Share of the plan's acceleration limit that braking after a lost stream is counted with."""
-
-KNOT_S = 0.2
-"""Between the points at which a slowed curve is what it should be, with velocity and acceleration."""
 
 CELL_M = 0.3
 ROOM_ASIDE_M = 12.0
@@ -50,6 +46,7 @@ class FlyablePlan:
         known: where the vehicle's centre must not be because of structure, ground or fence; None for no scene.
         leave_s: time on `curve` at which the take-off column over home is left.
         enter_s: time on `curve` at which the landing column is entered.
+        stream_loss: what the vehicle does when its setpoints stop.
     """
 
     plan_hash: str
@@ -59,6 +56,12 @@ class FlyablePlan:
     known: BinaryMap | None
     leave_s: float
     enter_s: float
+    stream_loss: StreamLoss
+
+    @property
+    def swept_m(self) -> float:
+        """How far the vehicle gets at most by itself when its setpoints stop."""
+        return float(self.stream_loss.swept_m(np.asarray(self.limits.speed_m_s)))
 
     @property
     def limits(self) -> FlightLimits:
@@ -88,14 +91,15 @@ def flyable_plan(plan: Plan, plan_hash: str, structure: Structure | None, offboa
     """
     warp = identity_warp(plan.trajectory.duration_s)
     known = None
+    scenario, safety = plan.scenario, plan.scenario.safety
+    acceleration = scenario.vehicle.max_acceleration_m_s2
+    loss = StreamLoss(offboard_timeout_s, BRAKING_SHARE * acceleration)
     if structure is not None:
-        scenario, safety = plan.scenario, plan.scenario.safety
-        acceleration = scenario.vehicle.max_acceleration_m_s2
         warp = slow_for_stream_loss(
             plan.trajectory,
             SceneDistance(structure, scenario.ground_m),
-            timeout_s=offboard_timeout_s,
-            deceleration_m_s2=BRAKING_SHARE * acceleration,
+            timeout_s=loss.timeout_s,
+            deceleration_m_s2=loss.deceleration_m_s2,
             acceleration_m_s2=acceleration * 1.001,
             keep_m=scenario.vehicle.radius_m + safety.position_m + safety.model_m,
             home_m=scenario.home_m,
@@ -103,44 +107,7 @@ def flyable_plan(plan: Plan, plan_hash: str, structure: Structure | None, offboa
         known = known_map(plan, structure)
     leave, enter = column_times(plan)
     curve = slowed_curve(plan.trajectory, warp)
-    return FlyablePlan(plan_hash, plan, curve, warp, known, warp.time_of(leave), warp.time_of(enter))
-
-
-def slowed_curve(trajectory: PiecewisePolynomial, warp: TimeWarp) -> PiecewisePolynomial:
-    """A warped trajectory as a curve of its own.
-
-    Pieces that the warp leaves at their own pace stay as they are. The others are cut into short ones, which have
-    place, velocity and acceleration of the warped motion at both ends (quintic Hermite pieces), so that the whole stays
-    twice continuously differentiable; the velocity at every end of theirs is the warped one, so the rule about lost
-    streams holds there as it was proved.
-    """
-    coefficients, durations = [], []
-    for piece, (start, end) in enumerate(zip(trajectory.starts_s[:-1], trajectory.starts_s[1:], strict=True)):
-        begin_s, until_s = warp.time_of(float(start)), warp.time_of(float(end))
-        count = max(2, math.ceil((until_s - begin_s) / KNOT_S))
-        times = np.linspace(begin_s, until_s, count + 1)
-        if np.allclose(warp.rate(times[1:-1]), 1.0, rtol=0.0, atol=1e-9):
-            coefficients.append(trajectory.coefficients[piece][None])
-            durations.append(trajectory.durations_s[piece][None])
-            continue
-        at = warp.setpoint(trajectory, times)
-        coefficients.append(_hermite_pieces(*at, step_s=float(times[1] - times[0])))
-        durations.append(np.diff(times))
-    return PiecewisePolynomial(np.concatenate(coefficients), np.concatenate(durations))
-
-
-def _hermite_pieces(
-    position: NDArray[np.float64], velocity: NDArray[np.float64], acceleration: NDArray[np.float64], step_s: float
-) -> NDArray[np.float64]:
-    """Coefficients (N, 8, 3) on normalised time of quintic pieces between N + 1 states, evenly spaced."""
-    p0, p1 = position[:-1], position[1:]
-    v0, v1 = velocity[:-1] * step_s, velocity[1:] * step_s
-    a0, a1 = acceleration[:-1] * step_s**2, acceleration[1:] * step_s**2
-    zero = np.zeros_like(p0)
-    cubic = 10 * (p1 - p0) - 6 * v0 - 4 * v1 - 1.5 * a0 + 0.5 * a1
-    quartic = -15 * (p1 - p0) + 8 * v0 + 7 * v1 + 1.5 * a0 - a1
-    quintic = 6 * (p1 - p0) - 3 * (v0 + v1) - 0.5 * (a0 - a1)
-    return np.stack([p0, v0, a0 / 2, cubic, quartic, quintic, zero, zero], axis=1)
+    return FlyablePlan(plan_hash, plan, curve, warp, known, warp.time_of(leave), warp.time_of(enter), loss)
 
 
 def known_map(plan: Plan, structure: Structure) -> BinaryMap:

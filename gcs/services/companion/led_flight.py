@@ -16,12 +16,16 @@ import numpy as np
 
 from gcs.core.errors import ConflictError, GcsError, LinkError
 from gcs.core.frames import rigid_between, wrap_angle
+from gcs.core.replanning import ReplanReason
 from gcs.core.vehicle import FlightMode
 from gcs.mavlink.mode_guard import ModeChange
 from gcs.mavlink.offboard import Setpoint, setpoint_message
 from gcs.mavlink.stepped_channel import SteppedTask
-from gcs.planning.local.navigator import LocalNavigator, NavigatorOptions, Stop
+from gcs.planning.local.navigator import LocalNavigator, Stop
+from gcs.planning.local.navigator_options import NavigatorOptions
+from gcs.planning.local.stream_loss_pace import StreamLossRule
 from gcs.planning.views.viewing_angles import HOLD_S
+from gcs.services.companion.departure_report import unreached
 from gcs.services.companion.viewpoint_pictures import ViewpointPictures
 
 if TYPE_CHECKING:
@@ -40,11 +44,14 @@ if TYPE_CHECKING:
 LEAD_IN_S = 1.2
 """A stream goes out for so long before the vehicle is told to follow it."""
 
-DECIDE_S = 0.1
-"""The navigator decides at every scan, and at least this often."""
+DECIDE_S = 0.15
+"""The navigator decides at every scan, and at least this often: later than the next scan, which is not to wait."""
 
 FOLLOWS_M, FOLLOWS_S = 2.5, 1.0
 """A vehicle further than this from where it should be, or have been so long ago, does not follow the stream."""
+
+MAP_SIDE_M = 32.0
+"""Edge of the map about the vehicle: several times the way in which it comes to rest, and little to compute with."""
 
 FOREVER_S = 1e6
 PASSED_S = 0.05
@@ -57,11 +64,11 @@ class Progress:
     """How far a plan was flown; a later lease goes on from there.
 
     Attributes:
-        curve_s: time on the plan's curve; None before the first start.
+        plan_s: time of the plan; None before the first start.
         done: ids of viewpoints that are photographed, or given up.
     """
 
-    curve_s: float | None = None
+    plan_s: float | None = None
     done: set[int] = field(default_factory=set)
 
 
@@ -98,8 +105,9 @@ class LedFlight:
         self._report = report
         self._rotation, self._shift = rigid_between(flyable.plan.scenario.anchor.point, origin.value)
         self._step_s = 1.0 / stream_hz
-        self._start_s = flyable.leave_s if progress.curve_s is None else progress.curve_s
         self._todo = [v for v in flyable.plan.viewpoints if v.id not in progress.done]
+        start_s = flyable.leave_s if progress.plan_s is None else flyable.time_of(progress.plan_s)
+        self._start_s = min([start_s, *(flyable.time_of(v.time_s) for v in self._todo)])
         self._clock = vehicle.channel.clock
         self._hover: Setpoint | None = None
         self._navigator: LocalNavigator | None = None
@@ -110,6 +118,10 @@ class LedFlight:
         self._leaving = False
         self._pictures = ViewpointPictures(vehicle, say)
         self._tasks: list[SteppedTask] = []
+        self._accounted: set[int] = set()
+        """Viewpoints whose picture was announced, or that were reported as left out."""
+        self.taken_over = False
+        """Whether it ended because somebody else took the vehicle."""
         self.ended: str | None = None
         """Why the flight is over before the plan was; None while it goes on."""
         self.finished = False
@@ -135,9 +147,9 @@ class LedFlight:
         return self._flyable.plan_time(self._curve_s)
 
     @property
-    def away(self) -> bool:
-        """Whether the vehicle is off the plan."""
-        return self._navigator is not None and self._navigator.away
+    def departing(self) -> ReplanReason | None:
+        """Why the vehicle is off the plan; None while it is on it."""
+        return None if self._navigator is None else self._navigator.departing
 
     @property
     def hold_reasons(self) -> tuple[str, ...]:
@@ -152,11 +164,13 @@ class LedFlight:
     def mode_changed(self, change: ModeChange) -> None:
         """A heartbeat shows another mode; to be called before anything else hears of it."""
         if change is not ModeChange.COMMANDED and not self.over:
+            self.taken_over = change is ModeChange.TAKEN_OVER
             self.stop(self._vehicle.guard.hands_off or "the vehicle is disarmed")
 
     def handle(self, message: Message) -> None:
         """Take a message of the vehicle."""
         if not self.over and self._vehicle.moved_stick():
+            self.taken_over = True
             self.stop("the pilot moves the sticks")
         for task in tuple(self._tasks):
             task.handle(message)
@@ -208,6 +222,7 @@ class LedFlight:
         if self.over or self._leaving:
             return
         self._leaving = True
+        self._break_off()
         self.hold("leaving")
         for task in self._tasks:
             task.cancel()
@@ -218,6 +233,9 @@ class LedFlight:
         """End at once: no setpoint and no command goes out any more."""
         if not self.over:
             self.ended = why
+            if not self._leaving:
+                self._break_off()
+            self._account_for_rest(ReplanReason.LEASE_ENDED)
         self._due_at = math.inf
         for task in self._tasks:
             task.cancel()
@@ -257,6 +275,7 @@ class LedFlight:
         await commands.switch_mode(number)
         self._due_at = math.inf
         self.finished = True
+        self._account_for_rest(ReplanReason.NO_PICTURE)
 
     async def _leave(self, why: str) -> None:
         try:
@@ -273,16 +292,21 @@ class LedFlight:
         await self._pictures.point_camera(commands, viewpoint)
         if not viewpoint.stops:
             await self._until(lambda: self._curve_s + self._pictures.lag_s >= at_s, viewpoint.name)
-            self._tasks.append(SteppedTask(self._pictures.take_in_passing(commands, viewpoint)))
+            self._tasks.append(SteppedTask(self._photograph_in_passing(commands, viewpoint)))
             return
         navigator = self._navigating()
         await self._until(lambda: navigator.arrived == viewpoint.id or self._curve_s > at_s + PASSED_S, viewpoint.name)
         if navigator.arrived != viewpoint.id:
             return  # left out; the navigator reports why
         await self._pictures.settle(viewpoint, self._rotation @ viewpoint.position_m + self._shift)
-        await self._pictures.take(commands, viewpoint)
+        if await self._pictures.take(commands, viewpoint):
+            self._accounted.add(viewpoint.id)
         if navigator.arrived == viewpoint.id:
             navigator.go_on()
+
+    async def _photograph_in_passing(self, commands: FlightCommands, viewpoint: Viewpoint) -> None:
+        if await self._pictures.take_in_passing(commands, viewpoint):
+            self._accounted.add(viewpoint.id)
 
     # ---- inside ----
 
@@ -342,10 +366,26 @@ class LedFlight:
             return
         self._decided_s = now = self._vehicle_s()
         for replan in self._navigator.decide(now):
-            self._progress.done.update(replan.skipped)
-            self._report(replan)
+            self._tell(replan)
         if self._navigator.gave_up is not None:
             self.leave(self._navigator.gave_up)
+
+    def _tell(self, replan: LocalReplan) -> None:
+        self._progress.done.update(replan.skipped)
+        self._accounted.update(replan.skipped)
+        self._report(replan)
+
+    def _break_off(self) -> None:
+        """The plan is left for good: tell of a departure that still lasts."""
+        lasting = None if self._navigator is None else self._navigator.break_off()
+        if lasting is not None:
+            self._tell(lasting)
+
+    def _account_for_rest(self, reason: ReplanReason) -> None:
+        """Report every viewpoint of which nothing was told until the end."""
+        rest = tuple(viewpoint.id for viewpoint in self._todo if viewpoint.id not in self._accounted)
+        if rest:
+            self._report(unreached(reason, rest, self._vehicle_s(), self.plan_time_s))
 
     def _stream(self) -> None:
         """Send the setpoint of now."""
@@ -369,8 +409,8 @@ class LedFlight:
             assert self._hover is not None
             return self._hover
         position, velocity, acceleration = self._navigator.motion(now_s)
-        self._progress.curve_s = self._navigator.plan_time_s
-        yaw = float(self._flyable.plan.yaw.value(self.plan_time_s))
+        self._progress.plan_s = plan_s = self.plan_time_s
+        yaw = float(self._flyable.plan.yaw.value(plan_s))
         return Setpoint(
             self._rotation @ position + self._shift,
             self._rotation @ velocity,
@@ -399,4 +439,11 @@ def _navigator_options(flyable: FlyablePlan, slab_half_m: float | None) -> Navig
     """What local paths keep: the plan's own clearance and budgets, but for the model's error."""
     scenario = flyable.plan.scenario
     keep_m = scenario.centre_clearance_m - scenario.safety.model_m
-    return NavigatorOptions(safe_m=keep_m, keep_moving_m=keep_m, known=flyable.known, slab_half_m=slab_half_m)
+    return NavigatorOptions(
+        safe_m=keep_m,
+        keep_moving_m=keep_m,
+        known=flyable.known,
+        slab_half_m=slab_half_m,
+        map_side_m=MAP_SIDE_M,
+        stream_loss=StreamLossRule(flyable.stream_loss, scenario.vehicle.radius_m + scenario.safety.position_m),
+    )

@@ -11,6 +11,7 @@ from gcs.mavlink.camera_control import CAMERA_MESSAGES, CameraWatch
 from gcs.mavlink.command_protocol import command_long
 from gcs.mavlink.dialect import mavlink
 from gcs.mavlink.flight_commands import FlightCommands
+from gcs.mavlink.link_quality import RoundTripMeter
 from gcs.mavlink.message_rates import request_call, request_rates
 from gcs.mavlink.mode_guard import ModeChange, ModeGuard, Shown
 from gcs.mavlink.newest_telemetry import NewestTelemetry
@@ -18,7 +19,7 @@ from gcs.mavlink.parameter_protocol import ParameterRead
 from gcs.mavlink.stepped_channel import SteppedChannel
 from gcs.mavlink.telemetry_decoder import TelemetryDecoder
 from gcs.mavlink.vehicle_clock import VehicleClock
-from gcs.mavlink.vehicle_state import STACKS, TIME_STAMPED
+from gcs.mavlink.vehicle_state import STACKS, TIME_STAMPED, TIMESYNC_EVERY_S
 from gcs.services.companion.pose_history import POSE_MESSAGES, PoseHistory
 
 if TYPE_CHECKING:
@@ -80,6 +81,8 @@ class OwnVehicle:
         self.offboard_timeout_s: float | None = None
         self._clock = clock
         self._vehicle_clock = VehicleClock()
+        self._round_trips = RoundTripMeter()
+        self._timesync_at = -math.inf
         self._last_s = -math.inf
         self._newest = NewestTelemetry(TelemetryDecoder(self.stack))
         self._camera = CameraWatch(target[0], send, asks=self.stack.camera_announces)
@@ -115,6 +118,12 @@ class OwnVehicle:
         """Whether it is armed and says that it flies."""
         armed, landed = self.telemetry.armed, self.telemetry.landed
         return armed is not None and armed.value and landed is not None and landed.value in FLYING
+
+    @property
+    def on_ground(self) -> bool:
+        """Whether it says that it stands disarmed on the ground."""
+        armed, landed = self.telemetry.armed, self.telemetry.landed
+        return armed is not None and not armed.value and landed is not None and landed.value is LandedState.ON_GROUND
 
     def is_fresh(self, field: str, within_s: float = FRESH_S) -> bool:
         """Whether a value of the telemetry was heard lately, on our clock."""
@@ -154,6 +163,10 @@ class OwnVehicle:
             self.poses.take(message)
         if kind in TIME_STAMPED and not self._vehicle_clock.stamped_lately(now):
             self._vehicle_clock.stamp(now, message.time_boot_ms * 1e-3)
+        elif kind == "TIMESYNC" and message.tc1 != 0:
+            round_trip_s = self._round_trips.answered(int(message.ts1), now)
+            if round_trip_s is not None:
+                self._vehicle_clock.round_trip(round_trip_s)
         elif kind == "RC_CHANNELS":
             self._sticks = tuple(int(getattr(message, name)) for name in STICKS)
         elif kind == "HEARTBEAT":
@@ -162,8 +175,12 @@ class OwnVehicle:
         return None
 
     def on_time(self) -> None:
-        """Ask for announcements of pictures that were lost; to be called several times a second."""
-        self._camera.on_time(self._clock())
+        """Ask what is due, for lost announcements of pictures and the clock; to be called several times a second."""
+        now = self._clock()
+        self._camera.on_time(now)
+        if now >= self._timesync_at:
+            self._timesync_at = now + TIMESYNC_EVERY_S
+            self.channel.send(mavlink.MAVLink_timesync_message(0, self._round_trips.ask(now)))
 
     def remember_sticks(self) -> None:
         """From now on sticks count as moved when they are elsewhere."""

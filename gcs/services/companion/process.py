@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import asyncio
+import gc
 import logging
+import os
 import time
-from contextlib import suppress
+from contextlib import AsyncExitStack, suppress
 from typing import TYPE_CHECKING
 
 from gcs.core.errors import InputError
@@ -16,10 +18,13 @@ from gcs.mavlink.link_url import parse_link_url
 from gcs.mavlink.links import make_link
 from gcs.mavlink.report_outbox import ReportOutbox
 from gcs.services.companion.core import CompanionCore, CompanionOptions, heartbeat
+from gcs.services.companion.lease_memory import LeaseMemory
+from gcs.services.companion.link_key import KEY_WANTED, CompanionSigning, link_signing
 from gcs.services.companion.navigator_warm_up import warm_navigator
 from gcs.services.companion.station_plans import StationFiles, StationPlans, keep_folder
 from gcs.storage.data_directory import default_data_directory, make_data_directory
 from gcs.storage.kept_plans import KeptPlans
+from gcs.storage.lease_file import LeaseFile
 from gcs.storage.report_outbox_files import ReportOutboxFiles
 
 if TYPE_CHECKING:
@@ -34,6 +39,9 @@ log = logging.getLogger(__name__)
 ANYBODY = 1
 """System id with which the companion speaks before it has heard its autopilot."""
 
+NICENESS = -10
+"""The lidar's scans cannot wait for what else the computer does."""
+
 GREETING_S = 1.0
 LONGEST_SLEEP_S = 0.5
 
@@ -47,6 +55,8 @@ async def run_companion(
     plans: tuple[Path, ...],
     options: CompanionOptions,
     say: Callable[[str], None],
+    data_dir: Path | None = None,
+    key_file: Path | None = None,
     on_taken: Callable[[ReceivedMessage], None] | None = None,
 ) -> None:
     """Run a companion until it is cancelled.
@@ -54,31 +64,35 @@ async def run_companion(
     Args:
         url: of the link to the autopilot.
         station: URL of the station that has the plans; None to fly kept plans alone.
-        token_file: holds the station's session token; that of this machine's data directory when not given.
-        keep: where plans and undelivered reports are kept.
+        token_file: holds the station's session token; that of the data directory when not given.
+        keep: where plans, progress and undelivered reports are kept; `companion` in the data directory when not given.
         plans: folders of plans to be kept from the start.
         options: see `CompanionOptions`.
         say: takes lines for whoever started it.
+        data_dir: of this machine; the user's own when not given.
+        key_file: holds the key that signs the link; that of the data directory for this link, if any, when not given.
         on_taken: told of each message once what follows from it at once is sent.
 
     Raises:
-        InputError: the link, the station's URL or a plan's folder is none.
+        InputError: the link, the station's URL, a plan's folder or a key is none.
         LinkError: the link cannot be opened.
         StorageError: nothing can be kept.
     """
-    directory = keep or default_data_directory() / "companion"
+    data = data_dir or default_data_directory()
+    directory = keep or data / "companion"
     make_data_directory(directory)
+    signing = link_signing(url, key_file, data_dir, directory)
     kept = KeptPlans(directory / "plans")
     for folder in plans:
         say(f"plan {keep_folder(kept, folder)[:12]} is kept")
-    files = None if station is None else StationFiles(station, _token(token_file))
-    shell = _Shell(url, StationPlans(kept, files), ReportOutboxFiles(directory / "reports"), options, say)
+    files = None if station is None else StationFiles(station, _token(token_file or data / "token"))
+    reports, memory = ReportOutboxFiles(directory / "reports"), LeaseMemory(LeaseFile(directory / "lease.json"))
+    shell = _Shell(url, signing, StationPlans(kept, files), reports, memory, options, say)
     shell.on_taken = on_taken
     await shell.run()
 
 
-def _token(token_file: Path | None) -> str:
-    path = token_file or default_data_directory() / "token"
+def _token(path: Path) -> str:
     try:
         token = path.read_text().strip()
     except OSError as error:
@@ -94,14 +108,18 @@ class _Shell:
     def __init__(
         self,
         url: str,
+        signing: CompanionSigning | None,
         plans: StationPlans,
         store: ReportOutboxFiles,
+        memory: LeaseMemory,
         options: CompanionOptions,
         say: Callable[[str], None],
     ) -> None:
         self._address = parse_link_url(url)
+        self._signing = signing
         self._plans = plans
         self._store = store
+        self._memory = memory
         self._options = options
         self._say = say
         self.on_taken: Callable[[ReceivedMessage], None] | None = None
@@ -113,19 +131,25 @@ class _Shell:
 
     async def run(self) -> None:
         """Until it is cancelled."""
-        await self._open(ANYBODY)
-        try:
+        async with AsyncExitStack() as stack:
+            if self._signing is not None:
+                stack.push_async_callback(_ended, asyncio.create_task(self._signing.watch(self._say)))
+            stack.push_async_callback(self._close)
+            await self._open(ANYBODY)
             warm_navigator()
             await self._meet()
+            _be_prompt()
             await self._drive()
-        finally:
-            if self._link is not None:
-                await self._link.close()
 
-    async def _open(self, system_id: int) -> None:
+    async def _close(self) -> None:
         if self._link is not None:
             await self._link.close()
+
+    async def _open(self, system_id: int) -> None:
+        await self._close()
         self._link = make_link(self._address, (system_id, COMPANION), self._heard, time.monotonic)
+        if self._signing is not None:
+            self._link.signing = self._signing.signing
         await self._link.open()
         self._say(f"listens for the autopilot on {self._link.url}")
 
@@ -148,6 +172,7 @@ class _Shell:
             plans=self._plans,
             outbox=outbox,
             options=self._options,
+            memory=self._memory,
         )
 
     async def _drive(self) -> None:
@@ -168,6 +193,8 @@ class _Shell:
         del link
         if self._system_id is None:
             if message.get_type() == "HEARTBEAT" and is_vehicle(message):
+                if self._signing is None and message.is_signed:
+                    self._say(KEY_WANTED)
                 self._system_id, self._autopilot = message.get_srcSystem(), peer
                 self._wake.set()
             return
@@ -192,3 +219,21 @@ class _Shell:
         assert self._link is not None
         for peer in self._link.peers:
             peer.send(heartbeat(leading=False))
+
+
+def _be_prompt() -> None:
+    """Answer scans soon on a busy computer: before other processes, where this one may, and without long pauses.
+
+    What is loaded stays, so the collector of garbage need not go through it again and again.
+    """
+    with suppress(PermissionError):
+        os.setpriority(os.PRIO_PROCESS, 0, NICENESS)
+    gc.collect()
+    gc.freeze()
+
+
+async def _ended(task: asyncio.Task[None]) -> None:
+    """End a task."""
+    task.cancel()
+    with suppress(asyncio.CancelledError):
+        await task

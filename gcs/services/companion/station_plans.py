@@ -5,7 +5,9 @@ They are made ready in a process of its own: that takes seconds, in which the co
 
 from __future__ import annotations
 
+import os
 from contextlib import suppress
+from http.client import HTTPException
 from multiprocessing import get_context
 from typing import TYPE_CHECKING
 from urllib.error import HTTPError, URLError
@@ -23,6 +25,9 @@ if TYPE_CHECKING:
 
     from gcs.services.companion.flyable_plan import FlyablePlan
     from gcs.storage.kept_plans import KeptPlans
+
+NICENESS = 10
+"""Preparing a plan can wait for whatever else the computer does."""
 
 TIMEOUT_S = 20.0
 MOST_BYTES = 500_000_000
@@ -63,20 +68,23 @@ class StationFiles:
         request = Request(url, headers={"Authorization": f"Bearer {self._token}"})
         try:
             with urlopen(request, timeout=TIMEOUT_S) as answer:
-                return bytes(answer.read(MOST_BYTES))
+                content = bytes(answer.read(MOST_BYTES))
+                if answer.length:
+                    raise LinkError("the station's answer broke off", field=self._url)
+                return content
         except HTTPError as error:
             if error.code == 404:
                 raise NotFoundError("the station knows no plan of this hash", field=wanted[:12]) from None
             if error.code in (401, 403):
                 raise RefusedError("the station does not take the token", field="--token-file") from None
             raise LinkError(f"the station answered {error.code}", field=self._url) from None
-        except (URLError, OSError) as error:
+        except (URLError, OSError, HTTPException) as error:
             reason = getattr(error, "reason", error)
             raise LinkError(f"the station does not answer: {reason}", field=self._url) from None
 
 
 class StationPlans:
-    """Implements `gcs.services.companion.core.PlanSource`.
+    """Implements `gcs.services.companion.doors.PlanSource`.
 
     Args:
         kept: plans on disk.
@@ -125,20 +133,33 @@ def _make_ready(
     offboard_timeout_s: float,
 ) -> None:
     """Send the plan, or why there is none; the process then ends by itself, whatever became of the companion."""
+    os.setpriority(os.PRIO_PROCESS, 0, NICENESS)
     with suppress(BrokenPipeError), given:
         try:
-            given.send(_make(kept, station, wanted, offboard_timeout_s))
+            given.send(prepared_plan(kept, station, wanted, offboard_timeout_s))
         except GcsError as error:
             given.send(error)
 
 
-def _make(kept: KeptPlans, station: StationFiles | None, wanted: str, offboard_timeout_s: float) -> FlyablePlan:
+def prepared_plan(kept: KeptPlans, station: StationFiles | None, wanted: str, offboard_timeout_s: float) -> FlyablePlan:
+    """A plan by its hash, from the disk where it is whole there, else from the station; takes seconds.
+
+    Raises:
+        NotFoundError: it is neither here nor at the station.
+        InputError: what the station gave is not this plan.
+        GcsError: the station does not give it, the disk does not take it, or it cannot be flown.
+    """
     folder = kept.find(wanted)
     if folder is None:
         if station is None:
             raise NotFoundError(NO_STATION, field=wanted[:12])
         folder = kept.keep(wanted, station.get(wanted, PLAN), station.get(wanted, STRUCTURE))
-    return flyable_plan(read_plan(folder), wanted, read_structure(folder), offboard_timeout_s)
+    try:
+        plan, structure = read_plan(folder), read_structure(folder)
+    except GcsError:
+        kept.forget(wanted)  # or it would never be got again
+        raise
+    return flyable_plan(plan, wanted, structure, offboard_timeout_s)
 
 
 def keep_folder(kept: KeptPlans, folder: Path) -> str:

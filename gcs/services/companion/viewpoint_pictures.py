@@ -63,8 +63,8 @@ class ViewpointPictures:
         if viewpoint.hold_s:
             await vehicle.channel.sleep(viewpoint.hold_s)
 
-    async def take(self, commands: FlightCommands, viewpoint: Viewpoint) -> None:
-        """Have a picture taken, and again while none is announced."""
+    async def take(self, commands: FlightCommands, viewpoint: Viewpoint) -> bool:
+        """Have a picture taken, and again while none is announced; returns whether one was."""
         for _ in range(TRIES):
             before = self._vehicle.pictures
             try:
@@ -73,23 +73,25 @@ class ViewpointPictures:
             except LinkError as error:
                 self._say(f"{viewpoint.name}: {error.message}")
             else:
-                return
+                return True
         self._say(f"{viewpoint.name}: no picture was announced")
+        return False
 
-    async def take_in_passing(self, commands: FlightCommands, viewpoint: Viewpoint) -> None:
-        """Have one picture taken now, and learn how long that takes."""
+    async def take_in_passing(self, commands: FlightCommands, viewpoint: Viewpoint) -> bool:
+        """Have one picture taken now, and learn how long that takes; returns whether one was announced."""
         began_s, before = self._vehicle.now_s(), self._vehicle.pictures
         try:
             await self._vehicle.take_picture(commands)
             await self._announced(before)
         except LinkError:
             self._say(f"{viewpoint.name}: no picture was announced")
-            return
+            return False
         picture = self._vehicle.picture
         if began_s is not None and picture is not None and picture.at_vehicle_s is not None:
             lag_s = picture.at_vehicle_s - began_s
             if 0.0 <= lag_s <= LONGEST_LAG_S:
                 self._lags_s.append(lag_s)
+        return True
 
     async def _announced(self, before: int) -> None:
         await self._vehicle.channel.until(lambda: self._vehicle.pictures > before, TIMEOUT_S, "the picture")

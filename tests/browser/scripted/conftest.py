@@ -12,7 +12,7 @@ import pytest
 import trimesh
 from PIL import Image, ImageDraw
 
-from gcs.api.schemas import base, flights, live, plans, replans, vehicles
+from gcs.api.schemas import base, flights, leases, live, plans, replans, vehicles
 
 NOW = "2026-11-22T10:00:00Z"
 VEHICLE = "px4-1"
@@ -119,7 +119,7 @@ def flight(**changes: Any) -> flights.FlightInfo:
         "mode": "mission", "state": "created", "created_at": NOW, "updated_at": NOW, "started_at": None,
         "ended_at": None, "proved": False, "viewpoints": len(STOPS), "viewpoints_reached": 0,
         "images_expected": len(STOPS), "images_received": 0, "max_cross_track_m": None, "plan_time_s": None,
-        "accepted_failsafes": [], "problems": [], "actions": ["upload"],
+        "accepted_failsafes": [], "observer": None, "problems": [], "actions": ["upload"],
     }  # fmt: skip
     return flights.FlightInfo.model_validate({**values, **changes})
 
@@ -157,6 +157,14 @@ def image(number: int, state: str = "stored") -> flights.ImageInfo:
         "problem": None,
     }  # fmt: skip
     return flights.ImageInfo.model_validate(values)
+
+
+def lease(**changes: Any) -> leases.LeaseInfo:
+    values: dict[str, Any] = {
+        "flight_id": "flight-1", "lease": "00c0ffee", "state": "leading", "text": "leads, lease 00c0ffee", "away": None,
+        "plan_time_s": 31.0, "reports_pending": 0, "lidar_age_s": 0.1, "odometry_quality": 92, "age_s": 0.1,
+    }  # fmt: skip
+    return leases.LeaseInfo.model_validate({**values, **changes})
 
 
 def replan(**changes: Any) -> replans.ReplanInfo:
@@ -200,8 +208,8 @@ def told() -> SimpleNamespace:
     """Builders of what the station tells."""
     return SimpleNamespace(
         reading=reading, vehicle=vehicle, plan_summary=plan_summary, plan_detail=plan_detail, flight=flight,
-        on_vehicle=on_vehicle, image=image, replan=replan, offer=offer, checks=checks, PROVED=PROVED, FLYING=FLYING,
-        NOW=NOW, VEHICLE=VEHICLE,
+        on_vehicle=on_vehicle, image=image, lease=lease, replan=replan, offer=offer, checks=checks, PROVED=PROVED,
+        FLYING=FLYING, NOW=NOW, VEHICLE=VEHICLE,
     )  # fmt: skip
 
 
@@ -209,7 +217,14 @@ def told() -> SimpleNamespace:
 def script(station: Any) -> Any:
     """A station with one ready plan and one vehicle on the ground."""
     station.snapshot = live.SnapshotMessage(
-        at=NOW, reason="start", links=[], vehicles=[vehicle()], plans=[plan_summary()], flights=[], messages=[]
+        at=NOW,
+        reason="start",
+        links=[],
+        vehicles=[vehicle()],
+        plans=[plan_summary()],
+        flights=[],
+        leases=[],
+        messages=[],
     )
     station.replies |= {
         "GET /plans/plan-1/detail": plan_detail(),

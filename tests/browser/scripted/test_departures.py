@@ -62,6 +62,31 @@ async def test_a_departure_is_shown_beside_what_was_planned(
         )
 
 
+async def test_who_leads_and_why_the_plan_is_left_is_shown_with_the_flight(
+    departed: Any, told: Any, page: Page
+) -> None:
+    flying = told.flight(**{**told.FLYING, "mode": "companion", "plan_time_s": None})
+    departed.snapshot = departed.snapshot.model_copy(update={"flights": [flying], "leases": [told.lease()]})
+    async with departed.running():
+        await page.goto(departed.url)
+        lease = page.get_by_test_id("lease")
+        await expect(lease).to_contain_text("the companion leads")
+        await expect(lease).to_contain_text("on the plan")
+        await expect(lease).to_contain_text("0.1 s old")
+        await expect(lease).to_contain_text("92 %")
+        away = told.lease(away="a moving obstacle", reports_pending=2, odometry_quality=None, lidar_age_s=1.9)
+        await departed.push(live.LeaseMessage(lease=away))
+        for words in ("off the plan: a moving obstacle", "2 on board", "none", "1.9 s old"):
+            await expect(lease).to_contain_text(words)
+        await departed.push(live.LeaseMessage(lease=told.lease(state="taken_over", text="the pilot moves the sticks")))
+        await expect(lease).to_contain_text("somebody else has the vehicle")
+        await expect(lease).to_contain_text("the pilot moves the sticks")
+        await expect(lease).to_have_attribute("data-stale", "true")  # it is not told of any more
+        await expect(lease).to_contain_text("the companion is not heard")
+        report = page.get_by_test_id("flight-report")
+        await expect(report).to_have_attribute("href", "/api/flights/flight-1/report.html")
+
+
 async def test_an_offer_is_refused_and_another_is_accepted(departed: Any, told: Any, page: Page) -> None:
     async with departed.running():
         await page.goto(departed.url)

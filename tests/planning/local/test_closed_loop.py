@@ -141,6 +141,17 @@ def test_a_parked_thing_on_the_way_is_flown_round_and_reported(sector_scan):
     assert reports[0].left_clock_s < reports[0].rejoined_clock_s
 
 
+@pytest.mark.parametrize("heights", [(6.0, 14.0, 9.0), (14.0, 6.0, 12.0)])
+def test_masts_on_climbing_legs_cost_no_viewpoint(heights, sector_scan):
+    points = [np.array([x, y, z]) for (x, y), z in zip([(0.0, 0.0), (14.0, 1.0), (25.0, -3.0)], heights, strict=True)]
+    masts = [standing(7.0, 0.7, 0.3), standing(20.0, -1.0, 0.4)]
+    least, photos, reports, navigator = fly(points, masts, 3, sector_scan)
+    assert least > 0.2
+    assert photos == [0, 1]
+    assert navigator.finished
+    assert not any(report.skipped for report in reports)
+
+
 def test_a_viewpoint_that_is_blocked_is_waited_for_and_left_out(sector_scan):
     points = [np.array([x, 0.0, 10.0]) for x in (0.0, 12.0, 26.0)]
     least, photos, reports, navigator = fly(points, [standing(12.2, 0.3, 0.8)], 0, sector_scan)

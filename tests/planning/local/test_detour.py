@@ -108,10 +108,18 @@ def test_with_a_lidar_in_the_plane_it_does_not_rejoin_above_the_slab():
         plan_detour(climbing, 8.0, area, LIMITS, DetourOptions(slab_m=(HEIGHT - 0.5, HEIGHT + 0.5)))
 
 
-def test_what_lies_under_the_trajectory_does_not_block_it():
-    over = straight((0, 0, HEIGHT), (0, 0, 30), (60, 0, 30))
+def test_what_was_seen_below_counts_where_the_trajectory_climbs_into_it():
+    climbing = straight((0, 0, HEIGHT), (20, 0, 30))
+    mast = map_of_circles((12.0, 0.0, 0.5))
     slab = DetourOptions(slab_m=(HEIGHT - 0.5, HEIGHT + 0.5))
-    assert plan_detour(over, 0.0, map_of_circles((9.0, 0.0, 2.0)), LIMITS, slab) is None
+    with pytest.raises(InfeasibleError, match="no way round"):  # it would be met at 22 m
+        plan_detour(climbing, 0.0, mast, LIMITS, slab)
+
+
+def test_what_is_only_forbidden_does_not_block_the_trajectory_itself(trajectory):
+    area, standing = map_of_circles((30.0, 0.0, 1.0)), map_of_circles()
+    assert plan_detour(trajectory, 2.0, area, LIMITS, standing=standing) is None
+    assert plan_detour(trajectory, 2.0, area, LIMITS) is not None
 
 
 def test_a_wall_is_said(trajectory):

@@ -221,3 +221,29 @@ def test_what_a_curve_to_rest_is_said_to_keep_it_keeps(seed):
         assert found.margins_m[k] <= least_distance(curve, crossing, CLEAR.horizon_s) - CLEAR.keep_m + 1e-9
         checked += 1
     assert checked >= 10
+
+
+def test_it_does_not_back_off_into_what_is_forbidden_deeper_than_it_must():
+    """A wall that no lidar sees stands north of the vehicle; something quick and wide comes along it from the west."""
+    area = empty_map()
+    forbidden = np.zeros(area.blocked.shape, dtype=np.bool_)
+    north = int(np.ceil((2.0 - area.origin_m[1]) / area.cell_m))
+    forbidden[:, north:] = True
+    place = np.array([20.0, 1.0, 10.0])
+    stay = hover(place)
+    comes = mover(8.0, 0.0, 3.5, 0.0, radius=1.0)
+    evasion = evade(stay, 0.0, area, [comes], 0.0, LIMITS, OPTIONS, forbidden=forbidden)
+    assert evasion.kind == "back off"
+    places = evasion.curve.value(np.linspace(0.0, evasion.curve.duration_s, 1000))
+    assert places[:, 1].max() < 2.0 + KEEP / 2
+
+
+def test_room_inside_the_forbidden_falls_with_depth():
+    area = empty_map()
+    forbidden = np.zeros(area.blocked.shape, dtype=np.bool_)
+    forbidden[100:, :] = True
+    room = room_about(area, forbidden, KEEP)
+    edge = area.origin_m[0] + 100 * area.cell_m
+    for depth in (1.0, 3.0, 5.0):
+        assert room.at(np.array([edge + depth, 0.0])) == pytest.approx(KEEP - depth, abs=0.4)
+        assert room.at(np.array([edge - depth, 0.0])) == pytest.approx(KEEP + depth, abs=0.4)

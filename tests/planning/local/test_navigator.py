@@ -10,7 +10,9 @@ from gcs.core.errors import InputError
 from gcs.planning.local.binary_map import BinaryMap
 from gcs.planning.local.curve_parts import joined_curves
 from gcs.planning.local.lidar_scan import LidarScan
-from gcs.planning.local.navigator import LocalNavigator, NavigatorOptions, Stop
+from gcs.planning.local.navigator import SEARCH_EVERY_S, LocalNavigator, Stop
+from gcs.planning.local.navigator_options import NavigatorOptions
+from gcs.planning.local.way_back import WayBack
 from gcs.planning.trajectories.flight_limits import FlightLimits
 from gcs.planning.trajectories.optimal_times import times_at_limits
 
@@ -20,8 +22,8 @@ STEP = math.radians(5.0)
 PERIOD = 0.1
 
 
-def flight():
-    legs = [times_at_limits(np.stack(ends), LIMITS).piecewise_polynomial() for ends in itertools.pairwise(PLACES)]
+def flight(places=PLACES):
+    legs = [times_at_limits(np.stack(ends), LIMITS).piecewise_polynomial() for ends in itertools.pairwise(places)]
     ends = np.cumsum([leg.duration_s for leg in legs])
     return joined_curves(*legs), [Stop(float(end), 7 + k) for k, end in enumerate(ends)]
 
@@ -129,6 +131,62 @@ def test_detours_keep_out_of_the_known_structure(sector_scan):
             break
     assert navigator.arrived == 7
     assert northmost < 2.0
+
+
+def ring_scan(sector_scan, place, radius=2.6):
+    """Posts all about a place, too near to each other to pass."""
+    turns = np.linspace(0.0, 2 * math.pi, 12, endpoint=False)
+    return sector_scan(place[:2], 0.0, [(place[0] + radius * math.cos(a), radius * math.sin(a), 0.3) for a in turns])
+
+
+def test_walled_in_it_looks_for_a_way_now_and_then_gives_viewpoints_up_and_the_flight_last(sector_scan, monkeypatch):
+    looked = []
+    find = WayBack.find
+    monkeypatch.setattr(WayBack, "find", lambda way, *at: looked.append(way.scene.clock_s) or find(way, *at))
+    trajectory, stops = flight(PLACES * (1.0, 1.0, 0.0) + (0.0, 0.0, 10.0))
+    options = NavigatorOptions(wait_s=6.0, give_up_s=15.0)
+    navigator = LocalNavigator(trajectory, stops, LIMITS, options)
+    skipped_at, seen = {}, ring_scan(sector_scan, PLACES[0])
+    for clock in np.arange(0.0, 60.0, PERIOD):
+        navigator.see(seen, PLACES[0], 0.0, clock)
+        reports = navigator.decide(clock)
+        for stop in stops:
+            if stop not in navigator._todo:
+                skipped_at.setdefault(stop.viewpoint, clock)
+        if navigator.gave_up is not None:
+            break
+    assert np.linalg.norm(navigator.motion(clock)[0] - PLACES[0]) < 1.0
+    assert min(np.diff(looked)) >= SEARCH_EVERY_S - 1e-9
+    assert np.median(np.diff(looked)) < SEARCH_EVERY_S + 2 * PERIOD
+    assert 6.0 <= skipped_at[7] < 12.0
+    assert skipped_at[8] - skipped_at[7] == pytest.approx(5.0, abs=0.3)
+    assert 15.0 <= clock - skipped_at[8] < 20.0
+    assert reports[-1].skipped == (7, 8)
+    assert len(reports[-1].path_m) >= 1
+
+
+def test_a_skipped_viewpoint_beside_the_known_structure_is_no_trap(sector_scan):
+    """The plan runs where the coarse known map is blocked; what is parked on it is left out, and the flight goes on."""
+    places = np.array([(0.0, 0.0, 10.0), (10.0, 0.0, 10.0), (20.0, 0.0, 10.0), (20.0, -9.0, 10.0)])
+    trajectory, stops = flight(places)
+    blocked = np.zeros((100, 100, 60), dtype=np.bool_)
+    blocked[:, 49:, :] = True  # from y = -0.5 m on, with the plan in it
+    known = BinaryMap(blocked, np.array([-25.0, -25.0, 0.0]), 0.5)
+    options = NavigatorOptions(known=known, slab_half_m=0.5, wait_s=5.0)
+    navigator = LocalNavigator(trajectory, stops, LIMITS, options)
+    photos, skipped = [], []
+    for clock in np.arange(0.0, 120.0, PERIOD):
+        place = navigator.motion(clock)[0]
+        assert place[1] < 1.2  # not through the wall
+        navigator.see(sector_scan(place[:2], 0.0, [(11.0, 0.3, 0.8)]), place, 0.0, clock)
+        skipped += [viewpoint for report in navigator.decide(clock) for viewpoint in report.skipped]
+        if navigator.arrived is not None:
+            photos.append(navigator.arrived)
+            navigator.go_on()
+        if navigator.finished:
+            break
+    assert navigator.finished
+    assert (photos, skipped) == ([8, 9], [7])
 
 
 @pytest.mark.parametrize(

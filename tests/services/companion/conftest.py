@@ -20,8 +20,10 @@ from gcs.mavlink.heartbeats import station_heartbeat
 from gcs.mavlink.message_rates import RATES_HZ, request_rates
 from gcs.mavlink.stepped_channel import SteppedTask
 from gcs.planning.trajectories.retiming import identity_warp
+from gcs.planning.trajectories.stream_loss import StreamLoss
+from gcs.planning.trajectories.warped_curve import slowed_curve
 from gcs.services.companion.core import CompanionCore, CompanionOptions
-from gcs.services.companion.flyable_plan import FlyablePlan, slowed_curve
+from gcs.services.companion.flyable_plan import FlyablePlan
 from gcs.services.companion.own_vehicle import OwnVehicle
 from sitl_mocks.flight_world import COMPANION, STATION, FlightSpec, FlightWorld
 
@@ -92,7 +94,8 @@ def make_flyable(plan_hash=PLAN_HASH):
         scenario=scenario(),
     )
     warp = identity_warp(curve.duration_s)
-    return FlyablePlan(plan_hash, plan, slowed_curve(curve, warp), warp, None, float(ends[0]), float(ends[3]))
+    leave_s, enter_s = float(ends[0]), float(ends[3])
+    return FlyablePlan(plan_hash, plan, slowed_curve(curve, warp), warp, None, leave_s, enter_s, StreamLoss(1.0, 2.0))
 
 
 class Plans:
@@ -134,9 +137,10 @@ class Outbox:
 class World:
     """Vehicle, companion and station, and the time that passes for all of them."""
 
-    def __init__(self, autopilot="px4", obstacles=(), loss=0.0, parameters=None, **options):
+    def __init__(self, autopilot="px4", obstacles=(), loss=0.0, parameters=None, tells_3d=False, **options):
         home = geodetic_from_enu([0.0, 0.0, 0.0], GeoPoint(*ANCHOR))
-        spec = FlightSpec(autopilot, 3, ANCHOR, tuple(float(c) for c in home), obstacles, parameters, loss)
+        place = tuple(float(c) for c in home)
+        spec = FlightSpec(autopilot, 3, ANCHOR, place, obstacles, parameters, loss, tells_3d=tells_3d)
         self.world = FlightWorld(spec)
         self.vehicle = self.world._vehicle
         self.now_s = 0.0

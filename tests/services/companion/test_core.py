@@ -58,12 +58,12 @@ def test_what_is_in_the_way_is_flown_round_and_reported(make_world, autopilot):
 def test_the_pilots_switch_ends_it_at_once_and_only_a_new_order_goes_on(make_world, kind, switch):
     world = flying(make_world, kind)
     assert world.vehicle.set_mode_by_name(switch)
-    assert world.run(1.0, lambda: world.core.status.state is LeaseState.ENDED)
+    assert world.run(1.0, lambda: world.core.status.state is LeaseState.TAKEN_OVER)
     ended_s = world.now_s
     world.run(3.0)
     assert world.setpoints_since(ended_s) == 0
     assert world.world.truth()["mode"] == switch
-    assert world.order(lease=1).state is LeaseState.ENDED, "an old order is no new one"
+    assert world.order(lease=1).state is LeaseState.TAKEN_OVER, "an old order is no new one"
     with pytest.raises(RefusedError, match="not held"):
         world.order(lease=2)
     assert world.world.truth()["mode"] == switch, "the companion never leaves a pilot's mode"
@@ -75,7 +75,7 @@ def test_after_a_hold_by_hand_a_new_order_goes_on_where_it_ended(make_world):
     world.run(1.0)
     world.station.guard.take_back()
     world.do(world.station.stack.pause(world.station.commands(lambda: None)))
-    assert world.fly_until(LeaseState.ENDED, timeout_s=2.0)
+    assert world.fly_until(LeaseState.TAKEN_OVER, timeout_s=2.0)
     world.run(2.0)
     assert world.order(lease=2).state is LeaseState.LEADING
     world.fly_until(LeaseState.FINISHED)
@@ -86,7 +86,7 @@ def test_moved_sticks_end_it(make_world):
     world = flying(make_world)
     world.core._vehicle._sticks_at_start = (1500, 1500, 1500, 1500)
     world.core._vehicle._sticks = (1500, 1800, 1500, 1500)
-    assert world.run(1.0, lambda: world.core.status.state is LeaseState.ENDED)
+    assert world.run(1.0, lambda: world.core.status.state is LeaseState.TAKEN_OVER)
     assert "sticks" in world.core.status.text
 
 

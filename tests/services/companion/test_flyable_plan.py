@@ -11,7 +11,8 @@ from gcs.core.structure import Structure
 from gcs.core.trajectory import PiecewisePolynomial
 from gcs.planning.scene.point_distance import SceneDistance
 from gcs.planning.trajectories.retiming import TimeWarp, identity_warp
-from gcs.services.companion.flyable_plan import known_map, slowed_curve
+from gcs.planning.trajectories.warped_curve import slowed_curve
+from gcs.services.companion.flyable_plan import known_map
 
 
 @pytest.fixture

@@ -8,11 +8,10 @@ from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 
 import pytest
 
-from gcs.core.errors import GcsError, InputError, LinkError, NotFoundError, RefusedError
+from gcs.core.errors import GcsError, LinkError, NotFoundError, RefusedError
 from gcs.services.companion.core import CompanionOptions
 from gcs.services.companion.process import run_companion
 from gcs.services.companion.station_plans import StationFiles
-from gcs.storage.kept_plans import KeptPlans
 
 PLAN, STRUCTURE = b"{}", b"ply"
 HASH = hashlib.sha256(PLAN).hexdigest()
@@ -78,16 +77,3 @@ def test_files_come_by_hash_and_what_is_wrong_is_said(station):
 def test_a_station_that_is_not_there(unused_tcp_port):
     with pytest.raises(LinkError, match="does not answer"):
         StationFiles(f"http://127.0.0.1:{unused_tcp_port}", TOKEN).get(HASH, "plan.json")
-
-
-def test_plans_are_kept_over_restarts_and_only_whole(tmp_path):
-    KeptPlans(tmp_path).keep(HASH, PLAN, STRUCTURE)
-    kept = KeptPlans(tmp_path)
-    folder = kept.find(HASH)
-    assert folder is not None
-    (folder / "plan.json").write_bytes(b"{ }")
-    assert kept.find(HASH) is None, "damaged"
-    with pytest.raises(InputError, match="not the plan of this hash"):
-        kept.keep("0" * 64, PLAN, STRUCTURE)
-    with pytest.raises(InputError, match="64 hex digits"):
-        kept.find("../../etc")

@@ -236,6 +236,26 @@ export interface paths {
         patch?: never;
         trace?: never;
     };
+    "/api/flights/{flight_id}/report.html": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /**
+         * Get Flight Report
+         * @description What was flown, reached, pictured and changed, for people, complete in one file.
+         */
+        get: operations["getFlightReport"];
+        put?: never;
+        post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
     "/api/flights/{flight_id}/resume": {
         parameters: {
             query?: never;
@@ -1002,9 +1022,16 @@ export interface components {
             images_expected: number;
             /** Images Received */
             images_received: number;
+            /** @description Null when no companion was heard to fly it since the station's start. */
+            lease: components["schemas"]["LeaseInfo"] | null;
             /** Max Cross Track M */
             max_cross_track_m: number | null;
             mode: components["schemas"]["FlightPath"];
+            /**
+             * Observer
+             * @description The vehicle whose sightings of this one stand in for a lost position fix.
+             */
+            observer: string | null;
             /** Plan Hash */
             plan_hash: string;
             /** Plan Id */
@@ -1086,6 +1113,11 @@ export interface components {
             /** Max Cross Track M */
             max_cross_track_m: number | null;
             mode: components["schemas"]["FlightPath"];
+            /**
+             * Observer
+             * @description The vehicle whose sightings of this one stand in for a lost position fix.
+             */
+            observer: string | null;
             /** Plan Hash */
             plan_hash: string;
             /** Plan Id */
@@ -1279,6 +1311,72 @@ export interface components {
          */
         JobState: "queued" | "running" | "done" | "failed" | "cancelled" | "interrupted";
         /**
+         * LeaseInfo
+         * @description What the companion that flies a flight told last; it tells twice a second.
+         */
+        LeaseInfo: {
+            /**
+             * Age S
+             * @description Seconds between hearing it and sending this.
+             */
+            age_s: number;
+            /**
+             * Away
+             * @description Why it is off the plan at the moment; null while it flies the plan.
+             */
+            away: string | null;
+            /** Flight Id */
+            flight_id: string;
+            /**
+             * Lease
+             * @description Its number, eight hex digits.
+             */
+            lease: string;
+            /**
+             * Lidar Age S
+             * @description Since the last good scan; null when there was none.
+             */
+            lidar_age_s: number | null;
+            /**
+             * Odometry Quality
+             * @description Percent; null when it failed or there is none.
+             */
+            odometry_quality: number | null;
+            /**
+             * Plan Time S
+             * @description How far the plan is flown, in its own time.
+             */
+            plan_time_s: number;
+            /**
+             * Reports Pending
+             * @description Reports of departures that this station has not acknowledged yet.
+             */
+            reports_pending: number;
+            /**
+             * State
+             * @description idle: it prepares; leading; paused: it hovers by order; finished: the plan is flown; ended: it left the vehicle in a hold; taken_over: a pilot or the autopilot's failsafe has the vehicle; refused: it did not begin.
+             * @enum {string}
+             */
+            state: "idle" | "refused" | "leading" | "paused" | "finished" | "ended" | "taken_over";
+            /**
+             * Text
+             * @description The companion's own words.
+             */
+            text: string;
+        };
+        /**
+         * LeaseMessage
+         * @description A companion tells where its lease of a flight stands.
+         */
+        LeaseMessage: {
+            lease: components["schemas"]["LeaseInfo"];
+            /**
+             * @description discriminator enum property added by openapi-typescript
+             * @enum {string}
+             */
+            type: "lease";
+        };
+        /**
          * LinkInfo
          * @description A link that the operator opened.
          */
@@ -1331,7 +1429,7 @@ export interface components {
          * LiveMessage
          * @description Any message of the live stream.
          */
-        LiveMessage: components["schemas"]["SnapshotMessage"] | components["schemas"]["TelemetryMessage"] | components["schemas"]["LinkMessage"] | components["schemas"]["VehicleTextMessage"] | components["schemas"]["JobMessage"] | components["schemas"]["PlanMessage"] | components["schemas"]["PlanDeletedMessage"] | components["schemas"]["FlightMessage"] | components["schemas"]["UploadMessage"] | components["schemas"]["TrackMessage"] | components["schemas"]["EventMessage"] | components["schemas"]["ImageMessage"] | components["schemas"]["ReplanMessage"] | components["schemas"]["OfferMessage"] | components["schemas"]["HeartbeatMessage"];
+        LiveMessage: components["schemas"]["SnapshotMessage"] | components["schemas"]["TelemetryMessage"] | components["schemas"]["LinkMessage"] | components["schemas"]["VehicleTextMessage"] | components["schemas"]["JobMessage"] | components["schemas"]["PlanMessage"] | components["schemas"]["PlanDeletedMessage"] | components["schemas"]["FlightMessage"] | components["schemas"]["UploadMessage"] | components["schemas"]["TrackMessage"] | components["schemas"]["EventMessage"] | components["schemas"]["ImageMessage"] | components["schemas"]["ReplanMessage"] | components["schemas"]["LeaseMessage"] | components["schemas"]["OfferMessage"] | components["schemas"]["HeartbeatMessage"];
         /**
          * MissionItemInfo
          * @description A mission item as it was read back.
@@ -2128,6 +2226,8 @@ export interface components {
             at: string;
             /** Flights */
             flights: components["schemas"]["FlightInfo"][];
+            /** Leases */
+            leases: components["schemas"]["LeaseInfo"][];
             /** Links */
             links: components["schemas"]["LinkInfo"][];
             /** Messages */
@@ -3142,6 +3242,37 @@ export interface operations {
                 };
                 content: {
                     "application/json": components["schemas"]["ReplanInfo"][];
+                };
+            };
+            /** @description What went wrong. */
+            default: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+        };
+    };
+    getFlightReport: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path: {
+                flight_id: string;
+            };
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "text/html": string;
                 };
             };
             /** @description What went wrong. */

@@ -23,6 +23,7 @@ export type PreflightCheck = Schemas['PreflightCheck'];
 export type TrackSample = Schemas['TrackSample'];
 export type Track = Schemas['Track'];
 export type OnVehicle = Schemas['OnVehicle'];
+export type LeaseInfo = Schemas['LeaseInfo'];
 export type ImageInfo = Schemas['ImageInfo'];
 export type ReplanInfo = Schemas['ReplanInfo'];
 export type PlanOfferInfo = Schemas['PlanOfferInfo'];

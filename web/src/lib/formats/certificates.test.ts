@@ -51,7 +51,7 @@ describe('rows', () => {
       choice: 'offboard' as const, why: 'much quicker', basis: 'usual settings',
     };
     const found = named(null, { ...REPORT, predictions: [prediction] })['On px4'];
-    expect([found?.value, found?.limit, found?.about]).toEqual(['offboard 1:35', 'mission 3:10', 'much quicker']);
+    expect([found?.value, found?.limit, found?.about]).toEqual(['1:35', 'as offboard', 'offboard 1:35, mission 3:10: much quicker']);
     expect(named(null)['On px4']).toBeUndefined();
   });
 

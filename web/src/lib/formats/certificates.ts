@@ -107,7 +107,8 @@ export function certificateRows(report: PlanReport, scenario: ScenarioValues | n
         ]),
     ...(report.predictions ?? []).map((p) => {
       const other = p.choice === 'mission' ? 'offboard' : 'mission';
-      return row(`On ${p.autopilot}`, `${p.choice} ${clock(p[p.choice].time_s)}`, `${other} ${clock(p[other].time_s)}`, p.why);
+      const times = `${p.choice} ${clock(p[p.choice].time_s)}, ${other} ${clock(p[other].time_s)}`;
+      return row(`On ${p.autopilot}`, clock(p[p.choice].time_s), `as ${p.choice}`, `${times}: ${p.why}`);
     }),
     row('Items', report.mission_items === null ? '–' : String(report.mission_items), '', 'Items of the mission'),
   ];

@@ -13,11 +13,13 @@ describe('replanning reports in words', () => {
 
   it('compares the piece of the plan with what was flown', () => {
     const left_out = { from_s: 61, to_s: 65.5, path_m: [], length_m: 8.04, duration_s: 4.5 };
-    expect(pieces(replan({ left_out, flown_length_m: 9.26, flown_duration_s: 7 }))).toEqual({
+    expect(pieces(replan({ left_out, path_m: [[0, 0, 5], [0, 9.26, 5]], flown_length_m: 9.26, flown_duration_s: 7 }))).toEqual({
       planned: '8.0 m in 4.5 s, from 1:01 to 1:06 of the plan',
       flown: '9.3 m in 7.0 s',
     });
-    expect(pieces(replan({ flown_duration_s: null }))).toEqual({ planned: 'not known', flown: '0.0 m, never back on the plan' });
+    const gone = replan({ path_m: [[0, 0, 5], [0, 0, 9]], flown_length_m: 4, flown_duration_s: null });
+    expect(pieces(gone)).toEqual({ planned: 'not known', flown: '4.0 m, never back on the plan' });
+    expect(pieces(replan({ flown_duration_s: null }))).toEqual({ planned: '–', flown: 'no piece is told' });
   });
 
   it('says what is odd about the plan that was left', () => {

@@ -16,6 +16,7 @@ export function skippedViewpoints(replans: readonly ReplanInfo[]): Set<number> {
 /** What was planned and what was flown instead, in a line each. */
 export function pieces(replan: ReplanInfo): { planned: string; flown: string } {
   const { left_out: piece, flown_length_m, flown_duration_s } = replan;
+  if (replan.path_m.length === 0) return { planned: '–', flown: 'no piece is told' };
   const planned = piece
     ? `${figure(piece.length_m, 'm')} in ${figure(piece.duration_s, 's')}, from ${clock(piece.from_s)} to ${clock(piece.to_s)} of the plan`
     : 'not known';

@@ -1,5 +1,5 @@
 /** What a station may tell, for tests. */
-import type { FlightInfo, ImageInfo, PlanOfferInfo, PlanSummary, ReplanInfo, Snapshot, TrackSample, VehicleInfo } from '../api/types';
+import type { FlightInfo, ImageInfo, LeaseInfo, PlanOfferInfo, PlanSummary, ReplanInfo, Snapshot, TrackSample, VehicleInfo } from '../api/types';
 
 const AT = '2026-11-22T10:00:00Z';
 
@@ -24,7 +24,7 @@ export function flight(changes: Partial<FlightInfo> = {}): FlightInfo {
     id: 'f1', plan_id: 'p1', plan_hash: '', vehicle: 'px4-1', system_id: 1, mode: 'mission', state: 'created',
     created_at: AT, updated_at: AT, started_at: null, ended_at: null, proved: false, viewpoints: 3,
     viewpoints_reached: 0, images_expected: 3, images_received: 0, max_cross_track_m: null, plan_time_s: null,
-    accepted_failsafes: [], problems: [], actions: [], ...changes,
+    accepted_failsafes: [], observer: null, problems: [], actions: [], ...changes,
   };
 }
 
@@ -51,12 +51,20 @@ export function offer(changes: Partial<PlanOfferInfo> = {}): PlanOfferInfo {
   };
 }
 
+export function lease(changes: Partial<LeaseInfo> = {}): LeaseInfo {
+  return {
+    flight_id: 'f1', lease: '00c0ffee', state: 'leading', text: 'leads', away: null, plan_time_s: 0, reports_pending: 0,
+    lidar_age_s: 0.1, odometry_quality: 90, age_s: 0, ...changes,
+  };
+}
+
 export function trackPoint(atS: number): TrackSample {
   return { at_s: atS, position_m: [0, 0, atS], cross_track_m: null };
 }
 
 export function snapshot(changes: Partial<Snapshot> = {}): Snapshot {
   return {
-    type: 'snapshot', at: AT, reason: 'start', links: [], vehicles: [], plans: [], flights: [], messages: [], ...changes,
+    type: 'snapshot', at: AT, reason: 'start', links: [], vehicles: [], plans: [], flights: [], leases: [], messages: [],
+    ...changes,
   };
 }

@@ -1,7 +1,7 @@
 import { describe, expect, it } from 'vitest';
 
 import type { LiveMessage } from '../api/types';
-import { flight, image, plan, replan, snapshot, trackPoint, vehicle } from './samples';
+import { flight, image, lease, plan, replan, snapshot, trackPoint, vehicle } from './samples';
 import { NOTHING_KNOWN, applyLive, withRecords, type StationState } from './station_state';
 
 const play = (messages: LiveMessage[], from: StationState = NOTHING_KNOWN) =>
@@ -44,6 +44,20 @@ describe('telemetry', () => {
       ['px4-2', 0],
     ]);
     expect(state.vehicles[0]?.info.connected).toBe(false);
+  });
+});
+
+describe('a lease', () => {
+  it('is the latest of each flight, and what a snapshot does not tell of is gone', () => {
+    const told = play([
+      snapshot({ leases: [lease(), lease({ flight_id: 'f2' })] }),
+      { type: 'lease', lease: lease({ state: 'taken_over' }) },
+    ]);
+    expect(Object.entries(told.leases).map(([id, { info, receivedMs }]) => [id, info.state, receivedMs])).toEqual([
+      ['f1', 'taken_over', 1000],
+      ['f2', 'leading', 0],
+    ]);
+    expect(play([snapshot()], told).leases).toEqual({});
   });
 });
 

@@ -2,6 +2,7 @@ import type {
   FlightEvent,
   FlightInfo,
   ImageInfo,
+  LeaseInfo,
   LinkInfo,
   LiveMessage,
   OnVehicle,
@@ -20,6 +21,12 @@ const LOG_LIMIT = 500;
 /** A vehicle as last told of, and when that arrived here (ms of the page's monotonic clock). */
 export interface KnownVehicle {
   info: VehicleInfo;
+  receivedMs: number;
+}
+
+/** A companion's lease as last told of, likewise. */
+export interface KnownLease {
+  info: LeaseInfo;
   receivedMs: number;
 }
 
@@ -55,6 +62,8 @@ export interface StationState {
   vehicles: readonly KnownVehicle[];
   plans: readonly PlanSummary[];
   flights: readonly FlightInfo[];
+  /** By flight. */
+  leases: Readonly<Record<string, KnownLease>>;
   uploads: Readonly<Record<string, UploadProgress>>;
   records: Readonly<Record<string, FlightRecords>>;
   log: readonly LogLine[];
@@ -65,6 +74,7 @@ export const NOTHING_KNOWN: StationState = {
   vehicles: [],
   plans: [],
   flights: [],
+  leases: {},
   uploads: {},
   records: {},
   log: [],
@@ -105,6 +115,8 @@ export function applyLive(state: StationState, message: LiveMessage, nowMs: numb
       return withRecords(state, message.image.flight_id, { images: [message.image] });
     case 'replan':
       return withRecords(state, message.replan.flight_id, { replans: [message.replan] });
+    case 'lease':
+      return { ...state, leases: { ...state.leases, ...byFlight([message.lease], nowMs) } };
     case 'offer':
       return withRecords(state, message.offer.flight_id, { offers: [message.offer] });
     case 'heartbeat':
@@ -164,10 +176,15 @@ function applySnapshot(state: StationState, snapshot: Snapshot, nowMs: number): 
       vehicles: snapshot.vehicles.map((info) => ({ info, receivedMs: nowMs })),
       plans: [...snapshot.plans].sort(descending((p) => p.created_at)),
       flights: [...snapshot.flights].sort(descending((f) => f.created_at)),
+      leases: byFlight(snapshot.leases, nowMs),
       uploads: {},
     },
     snapshot.messages.map(vehicleLine),
   );
+}
+
+function byFlight(leases: readonly LeaseInfo[], receivedMs: number): Record<string, KnownLease> {
+  return Object.fromEntries(leases.map((info) => [info.flight_id, { info, receivedMs }]));
 }
 
 function applyFlight(state: StationState, flight: FlightInfo): StationState {
