@@ -131,6 +131,18 @@ def test_nothing_is_sent_any_more_when_it_is_not_permitted():
         bench.t.result()
 
 
+def test_a_mode_that_was_accepted_is_not_commanded_again_over_what_a_pilot_may_have_chosen_since():
+    bench = mode_bench()
+    bench.wait(1.0)
+    before = len(bench.sent)
+    assert before > 1, "until it is answered it is sent again"
+    bench.ack(0, command=176)
+    bench.wait(10.0)
+    assert len(bench.sent) == before
+    with pytest.raises(RefusedError, match="does not show"):
+        bench.t.result()
+
+
 def test_the_first_acknowledgement_of_px4_proves_no_mode():
     bench = mode_bench()
     bench.ack(0, command=176)
