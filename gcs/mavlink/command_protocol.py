@@ -193,8 +193,8 @@ class CommandExchange(_Acknowledged):
 class ModeSwitch(_Acknowledged):
     """DO_SET_MODE, finished only when a heartbeat of the target shows the mode.
 
-    PX4 acknowledges twice, first ACCEPTED whatever comes of it; so ACCEPTED proves nothing, and a refusal ends it. But it
-    ends the resending: from then on another mode may be what a pilot has chosen since, of whom no heartbeat tells yet.
+    PX4 acknowledges twice, first ACCEPTED whatever comes of it; so ACCEPTED proves nothing, and a refusal ends it. But
+    it ends the resending: from then on another mode may be what a pilot has chosen, of whom no heartbeat tells yet.
 
     Args:
         custom_mode: the mode number to be shown.

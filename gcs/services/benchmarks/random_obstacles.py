@@ -3,8 +3,8 @@
 What stands or moves in the way reaches above and below every height at which the plan is flown, or it stays well below:
 nobody avoids what the lidar cannot see. What moves is under way from the start: nobody avoids what stands beside him
 and sets out at full speed. Nothing comes near home, where the autopilot takes off and lands by itself, and what moves
-passes whatever stands by a gap that is wide enough to stay in. Few things come to stand where a picture is to be taken.
-Otherwise they do not care for the vehicle: they cross its way, stop on it, or come up to where it hovers.
+passes whatever is there by a gap that is wide enough to stay in. Few things come to stand where a picture is to be
+taken. Otherwise they do not care for the vehicle: they cross its way, stop on it, or come up to where it hovers.
 """
 
 from __future__ import annotations
@@ -33,6 +33,8 @@ ON_VIEWPOINT_SHARE = 0.1
 """Of what was drawn to stand too near to a viewpoint so many are kept there."""
 
 TRIES = 100
+TIMES_S = np.arange(0.0, 120.0, 0.1)
+"""When moving things are looked at; all have stopped by the end."""
 
 
 @dataclass(frozen=True)
@@ -136,11 +138,18 @@ def _is_fair(spec: Spec, others: list[Spec], home_m: NDArray[np.float64]) -> boo
         return False
     if _least(path, np.asarray(home_m)[None, :2]) < FROM_HOME_M + radius:
         return False
-    return all(
-        _least(path, _places(other)) > radius + other["radius_m"] + GAP_M
-        for other in others
-        if len(other["path_m"]) == 1
-    )
+    return all(_nearest_m(spec, other) > radius + other["radius_m"] + GAP_M for other in others)
+
+
+def _nearest_m(one: Spec, other: Spec) -> float:
+    """Least distance of their middles at any time: what has stopped stands in the way of what comes later."""
+    return float(np.linalg.norm(_places_in_time(one) - _places_in_time(other), axis=1).min())
+
+
+def _places_in_time(spec: Spec) -> NDArray[np.float64]:
+    start, end = np.asarray(spec["path_m"][0]), np.asarray(spec["path_m"][-1])
+    share = np.minimum(TIMES_S * spec.get("speed_m_s", 0.0) / max(math.dist(start, end), 1e-9), 1.0)
+    return np.asarray(start + share[:, None] * (end - start))
 
 
 def _places(spec: Spec) -> NDArray[np.float64]:

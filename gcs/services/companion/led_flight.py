@@ -257,6 +257,7 @@ class LedFlight:
             previous = viewpoint
         navigator = self._navigating()
         await self._until(lambda: navigator.finished or self._in_landing_column(navigator), "the way home")
+        self._break_off()  # a last viewpoint may have been left out on a way that ends in the column
         self.hold("landing")
         await self._until(lambda: navigator.finished or navigator.held, "the vehicle to stop over home")
         await self._land(commands)

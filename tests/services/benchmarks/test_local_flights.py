@@ -1,5 +1,6 @@
 """Flights among random obstacles: the draw is fair, and the figures count what they say."""
 
+import itertools
 import math
 
 import numpy as np
@@ -46,6 +47,20 @@ def test_every_draw_is_fair_and_has_something_in_the_way():
                 for other in standing:
                     gap = math.dist(place, other["path_m"][0]) - spec["radius_m"] - other["radius_m"]
                     assert other is spec or gap > GAP_M - 0.5 or spec in standing
+
+
+def test_nothing_goes_through_anything():
+    def place(spec, at_s):
+        (x, y), (to_x, to_y) = spec["path_m"][0], spec["path_m"][-1]
+        length = math.dist((x, y), (to_x, to_y))
+        share = min(at_s * spec["speed_m_s"] / length, 1.0) if length else 0.0
+        return x + share * (to_x - x), y + share * (to_y - y)
+
+    for seed in range(50):
+        drawn = random_obstacles(np.random.default_rng(seed), WAY, HOME, WAY[::30], KEEP_M)
+        for one, other in itertools.combinations(drawn, 2):
+            gap = min(math.dist(place(one, t / 2), place(other, t / 2)) for t in range(240))
+            assert gap > one["radius_m"] + other["radius_m"]
 
 
 def test_few_viewpoints_are_blocked_for_good():
