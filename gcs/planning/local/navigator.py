@@ -173,11 +173,11 @@ class LocalNavigator:
         self._holding = False
         self._progress_s = self._clock_s
 
-    def go_on(self) -> None:
-        """Leave the stop at which the vehicle waits."""
-        if self._waits_at is None:
+    def go_on(self, viewpoint: int) -> None:
+        """Leave the stop at a viewpoint, where the vehicle waits, or waited until it gave way to something."""
+        if self._target is None or self._target.viewpoint != viewpoint:
             return
-        self._todo.remove(self._waits_at)
+        self._todo.remove(self._target)
         self._next_leg()
 
     def decide(self, clock_s: float) -> tuple[LocalReplan, ...]:

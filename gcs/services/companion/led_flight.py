@@ -302,8 +302,7 @@ class LedFlight:
         await self._pictures.settle(viewpoint, self._rotation @ viewpoint.position_m + self._shift)
         if await self._pictures.take(commands, viewpoint):
             self._accounted.add(viewpoint.id)
-        if navigator.arrived == viewpoint.id:
-            navigator.go_on()
+        navigator.go_on(viewpoint.id)
 
     async def _photograph_in_passing(self, commands: FlightCommands, viewpoint: Viewpoint) -> None:
         if await self._pictures.take_in_passing(commands, viewpoint):

@@ -63,7 +63,7 @@ def fly(points, obstacles, seed, sector_scan, seconds=150.0):
             since = clock
         elif clock - since > DWELL:
             photos.append(navigator.arrived)
-            navigator.go_on()
+            navigator.go_on(navigator.arrived)
         if navigator.finished or navigator.gave_up:
             break
         for fine in range(round(PERIOD / FINE)):

@@ -51,14 +51,34 @@ def test_the_plan_is_flown_stop_by_stop():
     motion = run(navigator, 50.0 + half, 80.0)
     assert navigator.arrived == 7
     assert np.allclose(motion, [PLACES[1], np.zeros(3), np.zeros(3)], atol=1e-6)
-    navigator.go_on()
+    navigator.go_on(navigator.arrived)
     assert navigator.arrived is None
     run(navigator, 80.0, 100.0)
     assert navigator.arrived == 8
-    navigator.go_on()
+    navigator.go_on(navigator.arrived)
     run(navigator, 100.0, 102.0)
     assert navigator.finished
     assert navigator.plan_time_s == pytest.approx(trajectory.duration_s)
+
+
+def test_a_stop_that_is_done_is_left_though_the_vehicle_gave_way_to_something_there(sector_scan):
+    trajectory, stops = flight()
+    navigator = LocalNavigator(trajectory, stops, LIMITS)
+    run(navigator, 0.0, 30.0)
+    assert navigator.arrived == 7
+    for clock in np.arange(30.0, 40.0, PERIOD):
+        place = navigator.motion(clock)[0]
+        east, north = PLACES[1][:2]
+        comes = (east, north + 8.0 - 1.2 * (clock - 30.0), 0.4)
+        navigator.see(sector_scan(place[:2], 0.0, [comes]), place, 0.0, clock)
+        navigator.decide(clock)
+        if navigator.departing:
+            break
+    assert navigator.arrived is None
+    navigator.go_on(8)
+    navigator.go_on(7)
+    run(navigator, clock + PERIOD, 80.0, free_scan())
+    assert navigator.arrived == 8, "it does not go back to wait where nothing is left to do"
 
 
 def test_stops_that_are_passed_are_not_waited_for():
@@ -67,7 +87,7 @@ def test_stops_that_are_passed_are_not_waited_for():
     navigator = LocalNavigator(trajectory, passed, LIMITS)
     run(navigator, 0.0, 30.0)
     assert navigator.arrived == 7
-    navigator.go_on()
+    navigator.go_on(navigator.arrived)
     run(navigator, 30.0, 60.0)
     assert navigator.finished
 
@@ -182,7 +202,7 @@ def test_a_skipped_viewpoint_beside_the_known_structure_is_no_trap(sector_scan):
         skipped += [viewpoint for report in navigator.decide(clock) for viewpoint in report.skipped]
         if navigator.arrived is not None:
             photos.append(navigator.arrived)
-            navigator.go_on()
+            navigator.go_on(navigator.arrived)
         if navigator.finished:
             break
     assert navigator.finished
