@@ -164,7 +164,7 @@ def test_the_main_job_works_beside_a_vehicle_that_looks_real(tmp_path):
     port = free_port()
     line = [sys.executable, "-c", COMMAND, "demo", "--port", "0", "--data", str(tmp_path), f"udpin:127.0.0.1:{port}"]
     with OtherVehicle(port, 1, UID) as other:
-        ended = subprocess.run(line, check=False, capture_output=True, text=True, timeout=150)
+        ended = subprocess.run(line, check=False, capture_output=True, text=True, timeout=600)
         heard = list(other.heard)
     assert ended.returncode == 0, ended.stdout + ended.stderr
     assert heard == []

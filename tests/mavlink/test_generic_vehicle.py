@@ -12,6 +12,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from gcs.core.errors import RefusedError
 from gcs.core.mission import Mission, MissionItem
 from gcs.core.vehicle import Autopilot, FlightMode, VehicleIdentity
+from gcs.mavlink.framing import FrameParser
 from gcs.mavlink.heartbeats import autopilot_of
 from gcs.mavlink.vehicle import Vehicle
 from gcs.mavlink.vehicle_channel import VehicleChannel
@@ -33,10 +34,10 @@ class Responder:
             lost_after_s=1e9,
         )
         self._packer = mavlink.MAVLink(None, srcSystem=7, srcComponent=1)
-        self._parser = mavlink.MAVLink(None)
+        self._parser = FrameParser()
 
     def say(self, message):
-        for heard in self._parser.parse_buffer(message.pack(self._packer)) or []:
+        for heard in self._parser.feed(message.pack(self._packer)):
             asyncio.get_running_loop().call_soon(self.vehicle.handle, heard)
 
     def hear(self, message):
