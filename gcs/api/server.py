@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 from gcs.api.session_token import session_token
 from gcs.api.settings import StationSettings
 from gcs.core.errors import InputError
+from gcs.core.garbage import spare_what_is_loaded
 from gcs.storage.data_directory import default_data_directory
 
 if TYPE_CHECKING:
@@ -125,8 +126,13 @@ def serve(
         ready: called when the station answers; by default it is said on standard output.
     """
     settings = StationSettings(data_dir=data_dir or default_data_directory(), host=host, port=port, links=links)
+
+    def up(settings: StationSettings) -> None:
+        spare_what_is_loaded()
+        (ready or announce)(settings)
+
     with suppress(KeyboardInterrupt):
-        asyncio.run(run_station(settings, ready=ready or announce))
+        asyncio.run(run_station(settings, ready=up))
 
 
 def announce(settings: StationSettings) -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import gc
 import logging
 import os
 import time
@@ -11,6 +10,7 @@ from contextlib import AsyncExitStack, suppress
 from typing import TYPE_CHECKING
 
 from gcs.core.errors import InputError
+from gcs.core.garbage import spare_what_is_loaded
 from gcs.mavlink.companion_lease import COMPANION
 from gcs.mavlink.dialect import Message
 from gcs.mavlink.heartbeats import is_vehicle
@@ -222,14 +222,10 @@ class _Shell:
 
 
 def _be_prompt() -> None:
-    """Answer scans soon on a busy computer: before other processes, where this one may, and without long pauses.
-
-    What is loaded stays, so the collector of garbage need not go through it again and again.
-    """
+    """Answer scans soon on a busy computer: before other processes, where this one may, and without long pauses."""
     with suppress(PermissionError):
         os.setpriority(os.PRIO_PROCESS, 0, NICENESS)
-    gc.collect()
-    gc.freeze()
+    spare_what_is_loaded()
 
 
 async def _ended(task: asyncio.Task[None]) -> None:
