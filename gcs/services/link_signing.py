@@ -6,7 +6,7 @@ import os
 from typing import TYPE_CHECKING
 
 from gcs.core.clock import utc_now
-from gcs.core.errors import GcsError, IncompleteError, NotFoundError
+from gcs.core.errors import GcsError, IncompleteError
 from gcs.mavlink.link_url import parse_link_url
 from gcs.mavlink.signing import LinkSigning, new_key
 from gcs.storage.data_directory import default_data_directory
@@ -84,10 +84,7 @@ class LinkSigningService:
             NotFoundError: the first link has no key.
             InputError: the passphrase is missing or wrong.
         """
-        canonical = parse_link_url(url).url
-        stored = self._keys.get(canonical)
-        if stored is None:
-            raise NotFoundError("this link is not signed", field=canonical)
+        stored = self._keys.known(parse_link_url(url).url)
         self._keys.put(parse_link_url(other_url).url, stored)
 
     async def remove(self, vehicle_name: str, url: str) -> None:
@@ -99,8 +96,7 @@ class LinkSigningService:
             LinkError: it goes on signing.
         """
         canonical = parse_link_url(url).url
-        if self._keys.get(canonical) is None:
-            raise NotFoundError("this link is not signed", field=canonical)
+        self._keys.known(canonical)
         await self._station.remove_signing(self._station.vehicle(vehicle_name), url)
         self._keys.delete(canonical)
 

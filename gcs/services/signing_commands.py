@@ -5,7 +5,6 @@ from __future__ import annotations
 from contextlib import asynccontextmanager
 from typing import TYPE_CHECKING
 
-from gcs.core.errors import NotFoundError
 from gcs.mavlink.link_url import parse_link_url
 from gcs.mavlink.station import MavlinkStation
 from gcs.services.link_signing import LinkSigningService, key_store
@@ -47,11 +46,7 @@ def export_key(url: str, file: Path, data_dir: Path | None) -> None:
         InputError: the passphrase is missing or wrong.
         StorageError: the file cannot be written.
     """
-    canonical = parse_link_url(url).url
-    stored = key_store(data_dir).get(canonical)
-    if stored is None:
-        raise NotFoundError("this link is not signed", field=canonical)
-    write_key_file(file, stored.key)
+    write_key_file(file, key_store(data_dir).known(parse_link_url(url).url).key)
 
 
 @asynccontextmanager

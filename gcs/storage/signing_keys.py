@@ -12,7 +12,7 @@ import os
 from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING
 
-from gcs.core.errors import InputError, StorageError
+from gcs.core.errors import InputError, NotFoundError, StorageError
 from gcs.storage.atomic_files import write_file
 from gcs.storage.data_directory import make_data_directory
 
@@ -66,6 +66,18 @@ class SigningKeyStore:
             StorageError: the file cannot be read.
         """
         return self._read().get(url)
+
+    def known(self, url: str) -> StoredKey:
+        """The key of a link that must have one.
+
+        Raises:
+            NotFoundError: it is not signed.
+            GcsError: as of `get`.
+        """
+        stored = self.get(url)
+        if stored is None:
+            raise NotFoundError("this link is not signed", field=url)
+        return stored
 
     def urls(self) -> tuple[str, ...]:
         """The links that are signed; errors as of `get`."""

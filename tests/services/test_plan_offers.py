@@ -17,12 +17,11 @@ from gcs.services.flight_recorder import FlightRecorder
 from gcs.services.plan_verification import verify_plan
 from gcs.services.station import StationServices
 from gcs.storage.plan_files import plan_hash, read_plan
-from gcs.storage.records import FlightPath, FlightRecord, FlightState, OfferState, PlanState
+from gcs.storage.records import FlightState, OfferState, PlanState
 
 pytestmark = pytest.mark.system
 
 FLIGHT = "flight-1"
-AT = "2026-11-22T10:00:00Z"
 
 
 class NoLinks:
@@ -38,37 +37,12 @@ class NoLinks:
         pass
 
 
-class NoFlights:
-    def __init__(self, services):
-        pass
-
-    async def open(self):
-        pass
-
-    close = open
-
-
 @pytest.fixture
-async def station(tmp_path, box_plan):
+async def station(tmp_path, make_no_flights, flight_on_record):
     """A station on whose record is a flight of the box that has begun."""
-    services = StationServices(tmp_path, make_mavlink=NoLinks, make_flights=NoFlights)
+    services = StationServices(tmp_path, make_mavlink=NoLinks, make_flights=make_no_flights)
     async with services.running(lambda event: ""):
-        plan_id = services.plans.adopt(box_plan).plan.id
-        services.database.flights.add(
-            FlightRecord(
-                id=FLIGHT,
-                plan_id=plan_id,
-                plan_hash=plan_hash(box_plan),
-                vehicle="px4-1",
-                system_id=1,
-                mode=FlightPath.COMPANION,
-                state=FlightState.FLYING,
-                created_at=AT,
-                updated_at=AT,
-                viewpoints=len(read_plan(box_plan).viewpoints),
-                started_at=AT,
-            )
-        )
+        flight_on_record(services)
         yield services
 
 

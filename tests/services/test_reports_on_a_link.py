@@ -20,23 +20,11 @@ from gcs.mavlink.tunnel_carrier import tunnelled
 from gcs.services.replan_difference import Chain
 from gcs.services.station import StationServices
 from gcs.storage.plan_files import plan_hash
-from gcs.storage.records import FlightPath, FlightRecord, FlightState
 from gcs.storage.signing_keys import SigningKeyStore, StoredKey
 
 FLIGHT = "flight-1"
-AT = "2026-11-22T10:00:00Z"
 PATH = tuple(GeoPoint(31.3622 + 1e-5 * k, 121.6155, 14.0) for k in range(12))
 ACK = struct.pack("<HB", 62473, 228)
-
-
-class NoFlights:
-    def __init__(self, services):
-        pass
-
-    async def open(self):
-        pass
-
-    close = open
 
 
 class SigningVehicle:
@@ -93,7 +81,7 @@ async def until(vehicle, holds):
 
 
 @pytest.fixture
-async def station(tmp_path, monkeypatch, box_plan):
+async def station(tmp_path, monkeypatch, make_no_flights, flight_on_record):
     """A station with one signed link and a flight on record."""
     monkeypatch.setenv("GCS_KEY", "correct horse")
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as free:
@@ -101,18 +89,9 @@ async def station(tmp_path, monkeypatch, box_plan):
         port = free.getsockname()[1]
     url, key = f"udpin:127.0.0.1:{port}", new_key()
     SigningKeyStore(tmp_path, "correct horse").put(url, StoredKey(key, rejects_unsigned=True))
-    services = StationServices(tmp_path, links=(url,), make_flights=NoFlights)
+    services = StationServices(tmp_path, links=(url,), make_flights=make_no_flights)
     async with services.running(lambda event: ""):
-        plan_id = services.plans.adopt(box_plan).plan.id
-        services.database.flights.add(
-            FlightRecord(
-                *(FLIGHT, plan_id, plan_hash(box_plan), "px4-1", 1, FlightPath.COMPANION, FlightState.FLYING),
-                created_at=AT,
-                updated_at=AT,
-                viewpoints=3,
-                started_at=AT,
-            )
-        )
+        flight_on_record(services)
         vehicle = SigningVehicle(port, key)
         await until(vehicle, lambda: 1 in services.vehicles.station.vehicles)
         services.vehicle_on_the_link = vehicle

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import contextlib
 import itertools
 import math
+import threading
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from types import SimpleNamespace
 
 import numpy as np
@@ -276,3 +279,36 @@ def make_world():
 @pytest.fixture(name="make_flyable")
 def make_flyable_fixture():
     return make_flyable
+
+
+@pytest.fixture
+def file_station():
+    """A station that serves the `files` (by name) of the plan with `plan_hash` to who has its `token`.
+
+    `asked` are the names of the files that were asked for; an answer breaks off `cut` bytes before its announced end.
+    """
+    state = SimpleNamespace(plan_hash="", files={}, token="token", asked=[], cut=0)
+
+    class Answer(BaseHTTPRequestHandler):
+        def do_GET(self):
+            folder, name = self.path.rsplit("/", 1)
+            state.asked.append(name)
+            known = self.headers["Authorization"] == f"Bearer {state.token}"
+            body = state.files.get(name) if known and folder == f"/api/plans/by-hash/{state.plan_hash}" else None
+            self.send_response(401 if not known else 404 if body is None else 200)
+            self.send_header("Content-Length", str(len(body or b"") + state.cut))
+            self.end_headers()
+            self.wfile.write(body or b"")
+
+        def log_message(self, *words):
+            pass
+
+    server = ThreadingHTTPServer(("127.0.0.1", 0), Answer)
+    thread = threading.Thread(target=server.serve_forever)
+    thread.start()
+    state.url = f"http://127.0.0.1:{server.server_port}"
+    yield state
+    with contextlib.suppress(OSError):
+        server.shutdown()
+    thread.join()
+    server.server_close()

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import threading
-from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 
 import pytest
 
@@ -39,31 +37,11 @@ async def test_wrong_arguments_are_named(tmp_path):
 
 
 @pytest.fixture
-def station():
-    """Answers as a station does that knows one plan."""
-
-    class Answer(BaseHTTPRequestHandler):
-        def do_GET(self):
-            known = {
-                f"/api/plans/by-hash/{HASH}/plan.json": PLAN,
-                f"/api/plans/by-hash/{HASH}/structure.ply": STRUCTURE,
-            }
-            body = known.get(self.path)
-            fits = self.headers["Authorization"] == f"Bearer {TOKEN}"
-            self.send_response(401 if not fits else 404 if body is None else 200)
-            self.end_headers()
-            self.wfile.write(body or b"")
-
-        def log_message(self, *words):
-            pass
-
-    server = ThreadingHTTPServer(("127.0.0.1", 0), Answer)
-    thread = threading.Thread(target=server.serve_forever)
-    thread.start()
-    yield f"http://127.0.0.1:{server.server_port}"
-    server.shutdown()
-    thread.join()
-    server.server_close()
+def station(file_station):
+    """Knows one plan."""
+    file_station.plan_hash, file_station.files = HASH, {"plan.json": PLAN, "structure.ply": STRUCTURE}
+    file_station.token = TOKEN
+    return file_station.url
 
 
 def test_files_come_by_hash_and_what_is_wrong_is_said(station):

@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-import contextlib
 import hashlib
-import threading
 import time
-from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from types import SimpleNamespace
 
 import pytest
@@ -33,32 +30,11 @@ def written(tmp_path_factory):
 
 
 @pytest.fixture
-def station(written):
-    """A station whose files can be spoiled; `asked` says what it was asked for."""
-    state = SimpleNamespace(files=dict(written.files), asked=[], cut=0)
-
-    class Answer(BaseHTTPRequestHandler):
-        def do_GET(self):
-            _, wanted, name = self.path.rsplit("/", 2)
-            state.asked.append(name)
-            body = state.files.get(name) if wanted == written.hash else None
-            self.send_response(404 if body is None else 200)
-            self.send_header("Content-Length", str(len(body or b"") + state.cut))
-            self.end_headers()
-            self.wfile.write(body or b"")
-
-        def log_message(self, *words):
-            pass
-
-    server = ThreadingHTTPServer(("127.0.0.1", 0), Answer)
-    thread = threading.Thread(target=server.serve_forever)
-    thread.start()
-    state.plans = StationFiles(f"http://127.0.0.1:{server.server_port}", "token")
-    yield state
-    with contextlib.suppress(OSError):
-        server.shutdown()
-    thread.join()
-    server.server_close()
+def station(file_station, written):
+    """A station that has the plan, and whose files can be spoiled."""
+    file_station.plan_hash, file_station.files = written.hash, dict(written.files)
+    file_station.plans = StationFiles(file_station.url, file_station.token)
+    return file_station
 
 
 @pytest.fixture
