@@ -16,6 +16,7 @@ from gcs.core.errors import GcsError, IncompleteError, InputError, RefusedError
 if TYPE_CHECKING:
     from collections.abc import Callable, Coroutine
 
+    from gcs.mavlink.signing_setup import SigningProof
     from gcs.services.fly_command import FlightOutcome
 
 T = TypeVar("T")
@@ -244,7 +245,21 @@ def set_up_signing(url: str, vehicle: str, accept_unsigned: bool, data_dir: Path
     """
     from gcs.services.signing_commands import give_key
 
-    proof = _run(give_key(url, vehicle, data_dir, rejects_unsigned=not accept_unsigned))
+    _tell_proof(_run(give_key(url, vehicle, data_dir, rejects_unsigned=not accept_unsigned)), vehicle)
+
+
+@signing.command("prove")
+@connect_option
+@vehicle_option
+@data_option
+def prove_signing(url: str, vehicle: str, data_dir: Path | None) -> None:
+    """See whether a disarmed vehicle goes by the key of a link, such as one that got it by `gcs signing share`."""
+    from gcs.services.signing_commands import prove_key
+
+    _tell_proof(_run(prove_key(url, vehicle, data_dir)), vehicle)
+
+
+def _tell_proof(proof: SigningProof, vehicle: str) -> None:
     click.echo(proof.words)
     if not proof.proved:
         raise IncompleteError("signing is not enforced by the vehicle", field=vehicle)

@@ -1,4 +1,4 @@
-"""Giving a vehicle a key, and the proof that it took it.
+"""Giving a vehicle a key, and the proof that it took it, and goes by it on a link.
 
 SETUP_SIGNING has no acknowledgement, and there are vehicles that take a key and go on answering everybody. So the proof
 is a test: questions (TIMESYNC, each with a stamp of its own) that are signed must be answered, and questions that are
@@ -11,7 +11,7 @@ import asyncio
 from collections.abc import AsyncIterator, Callable
 from dataclasses import dataclass
 
-from gcs.core.errors import LinkError, RefusedError
+from gcs.core.errors import ConflictError, LinkError, RefusedError
 from gcs.mavlink.dialect import Message, mavlink
 from gcs.mavlink.link_base import Link, Peer
 from gcs.mavlink.signing import KEY_BYTES, LinkSigning
@@ -58,7 +58,7 @@ class SigningProbe(Transaction[SigningProof]):
 
     Args:
         vehicle_id: system and component id of the autopilot.
-        tell: sends SETUP_SIGNING.
+        tell: sends SETUP_SIGNING, or does nothing where the vehicle has the key already.
         ask_signed: sends a message, signed with the key in question.
         ask_unsigned: sends a message as a stranger would.
         clock: monotonic seconds.
@@ -157,7 +157,7 @@ async def set_up_signing(
         LinkError: the vehicle does not answer.
     """
     _must_be_disarmed(vehicle, clock())
-    old, rejects = link.signing, signing.rejects_unsigned
+    old = link.signing
 
     def tell() -> None:
         link.signing = old
@@ -166,20 +166,46 @@ async def set_up_signing(
         link.signing = signing
 
     who = (vehicle.identity.system_id, vehicle.identity.component_id)
-    signing.rejects_unsigned = False
-    probe = SigningProbe(who, tell=tell, ask_signed=peer.send, ask_unsigned=peer.send_unsigned, clock=clock)
     try:
-        proof = await run(probe, vehicle, clock)
+        proof = await _probed(vehicle, peer, signing, tell, clock)
     except BaseException:
         link.signing = old
         raise
-    finally:
-        signing.rejects_unsigned = rejects
     if proof.signed_answers == 0:
         link.signing = old
         words = "it did not take the key: it may not support signing, or hold another key; nothing was changed here"
         raise RefusedError(words, field=vehicle.identity.name)
     return proof
+
+
+async def prove_signing(vehicle: VehicleState, link: Link, peer: Peer, clock: Clock) -> SigningProof:
+    """See whether a vehicle goes by the key of a signed link there, as it does where the key was given to it.
+
+    Raises:
+        ConflictError: the link is not signed.
+        RefusedError: the vehicle is or may be armed, or answers nothing that is signed with this key.
+        LinkError: the vehicle does not answer.
+    """
+    _must_be_disarmed(vehicle, clock())
+    if link.signing is None:
+        raise ConflictError("this link is not signed", field=link.url)
+    proof = await _probed(vehicle, peer, link.signing, lambda: None, clock)
+    if proof.signed_answers == 0:
+        raise RefusedError("it answers nothing that is signed with this link's key", field=vehicle.identity.name)
+    return proof
+
+
+async def _probed(
+    vehicle: VehicleState, peer: Peer, signing: LinkSigning, tell: Callable[[], None], clock: Clock
+) -> SigningProof:
+    """The proof; for its time unsigned answers are let in, as they are what it looks for."""
+    who = (vehicle.identity.system_id, vehicle.identity.component_id)
+    rejects, signing.rejects_unsigned = signing.rejects_unsigned, False
+    try:
+        probe = SigningProbe(who, tell=tell, ask_signed=peer.send, ask_unsigned=peer.send_unsigned, clock=clock)
+        return await run(probe, vehicle, clock)
+    finally:
+        signing.rejects_unsigned = rejects
 
 
 async def remove_signing(vehicle: VehicleState, link: Link, peer: Peer, clock: Clock) -> None:

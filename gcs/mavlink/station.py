@@ -22,7 +22,7 @@ from gcs.mavlink.links import make_link
 from gcs.mavlink.received_message import ReceivedMessage
 from gcs.mavlink.routing import WAY_ANSWERS, Component, Routes, Way, WayInfo
 from gcs.mavlink.signing import LinkSigning, SigningStatus
-from gcs.mavlink.signing_setup import SigningProof, remove_signing, set_up_signing
+from gcs.mavlink.signing_setup import SigningProof, prove_signing, remove_signing, set_up_signing
 from gcs.mavlink.transaction import Clock
 from gcs.mavlink.vehicle import Vehicle
 from gcs.mavlink.vehicle_channel import VehicleChannel
@@ -196,6 +196,11 @@ class MavlinkStation:
         """Give a disarmed vehicle a key, prove it, and have the link signed; errors as of `signing_setup`."""
         way = self._only_way(vehicle, url)
         return await set_up_signing(vehicle, way.link, way.peer, signing, self._clock)
+
+    async def prove_signing(self, vehicle: Vehicle, url: str) -> SigningProof:
+        """See whether a disarmed vehicle goes by the key of a signed link there; errors as of `signing_setup`."""
+        way = self._only_way(vehicle, url)
+        return await prove_signing(vehicle, way.link, way.peer, self._clock)
 
     async def remove_signing(self, vehicle: Vehicle, url: str) -> None:
         """Have a disarmed vehicle forget its key, and the link be unsigned; errors as of `signing_setup`."""

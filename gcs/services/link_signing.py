@@ -77,6 +77,16 @@ class LinkSigningService:
             raise IncompleteError(words, field=error.field) from error
         return proof
 
+    async def prove(self, vehicle_name: str, url: str) -> SigningProof:
+        """See whether a disarmed vehicle goes by the key of a signed link there: one that got it by `share`, say.
+
+        Raises:
+            ConflictError: the link is not signed, or the vehicle is heard elsewhere too.
+            RefusedError: the vehicle is armed, or answers nothing that is signed with this key.
+            LinkError: it does not answer.
+        """
+        return await self._station.prove_signing(self._station.vehicle(vehicle_name), url)
+
     def share(self, url: str, other_url: str) -> None:
         """Sign another link with the key of one, from when it is opened next: a vehicle's key holds for all its links.
 

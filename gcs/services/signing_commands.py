@@ -27,6 +27,13 @@ async def give_key(url: str, vehicle: str, data_dir: Path | None, *, rejects_uns
         return await link.signing.set_up(vehicle, link.url, rejects_unsigned=rejects_unsigned)
 
 
+async def prove_key(url: str, vehicle: str, data_dir: Path | None) -> SigningProof:
+    """See whether a vehicle goes by a link's key; errors as of `LinkSigningService.prove`, and NotFoundError."""
+    key_store(data_dir).known(parse_link_url(url).url)
+    async with _state_known(url, data_dir) as link:
+        return await link.signing.prove(vehicle, link.url)
+
+
 async def take_key_back(url: str, vehicle: str, data_dir: Path | None) -> None:
     """Have a vehicle forget its key; errors as of `LinkSigningService.remove`."""
     async with _state_known(url, data_dir) as link:

@@ -10,23 +10,23 @@ import pytest
 from gcs.core.errors import InputError, NotFoundError
 from gcs.mavlink.station import MavlinkStation
 from gcs.services.link_signing import LinkSigningService, key_store
-from gcs.services.signing_commands import give_key, share_key, take_key_back
+from gcs.services.signing_commands import give_key, prove_key, share_key, take_key_back
 from gcs.storage.signing_keys import StoredKey
 
 pytestmark = pytest.mark.system
 
 
-def free_port():
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sock:
+def free_port(kind=socket.SOCK_DGRAM):
+    with socket.socket(socket.AF_INET, kind) as sock:
         sock.bind(("127.0.0.1", 0))
         return sock.getsockname()[1]
 
 
 @contextlib.asynccontextmanager
-async def simulated(port):
+async def simulated(port, autopilot="px4", tcp_port="none"):
     process = await asyncio.create_subprocess_exec(
-        *(sys.executable, "-m", "sitl_mocks", "--autopilot", "px4", "--port", str(port)),
-        *("--tcp-base", "none", "--exit-with-parent"),
+        *(sys.executable, "-m", "sitl_mocks", "--autopilot", autopilot, "--port", str(port)),
+        *("--tcp-base", str(tcp_port), "--exit-with-parent"),
         stdout=asyncio.subprocess.DEVNULL,
     )
     try:
@@ -72,3 +72,16 @@ async def test_a_second_link_gets_the_key_of_the_first(tmp_path, monkeypatch):
     keys.put(radio, StoredKey(bytes(range(32)), rejects_unsigned=True))
     share_key(radio, lte, tmp_path)
     assert keys.get(lte) == keys.get(radio)
+
+
+async def test_a_shared_key_is_proved_on_the_second_link(tmp_path, monkeypatch):
+    monkeypatch.setenv("GCS_KEY", "correct horse")
+    tcp_port = free_port(socket.SOCK_STREAM)
+    udp, tcp = f"udpin:127.0.0.1:{free_port()}", f"tcp:127.0.0.1:{tcp_port}"
+    async with simulated(int(udp.rsplit(":", 1)[1]), "ardupilot", tcp_port):
+        assert (await give_key(udp, "ardupilot-1", tmp_path, rejects_unsigned=True)).proved
+        share_key(udp, tcp, tmp_path)
+        assert (await prove_key(tcp, "ardupilot-1", tmp_path)).proved
+    key_store(tmp_path).delete(tcp)
+    with pytest.raises(NotFoundError, match="not signed"):
+        await prove_key(tcp, "ardupilot-1", tmp_path)

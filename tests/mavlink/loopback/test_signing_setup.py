@@ -53,12 +53,16 @@ async def test_a_key_is_given_proved_rotated_and_taken_back(kind):
             false = mavlink.MAVLink_heartbeat_message(2, 12 if kind == "px4" else 3, 128 + 29, 0, 4, 3)
             stranger.sendto(false.pack(codec), (HOST, int(url.rsplit(":", 1)[1])))
             await asyncio.sleep(0.3)
+        assert (await station.prove_signing(vehicle, url)).proved
+        assert station.links[0].signing.rejects_unsigned
         assert vehicle.telemetry.armed.value is False
         assert "unsigned" in station.links[0].signing.problem
         assert len(station.ways(vehicle)) == 1
         await station.remove_signing(vehicle, url)
         assert station.links[0].signing is None
         await vehicle.until(lambda: vehicle.connected, 5.0, "its heartbeats")
+        with pytest.raises(ConflictError, match="not signed"):
+            await station.prove_signing(vehicle, url)
 
 
 async def test_a_station_with_the_wrong_key_hears_nothing_and_says_why():
