@@ -15,7 +15,7 @@ from gcs.core.replanning import ReplanReason
 from gcs.mavlink.command_protocol import Target
 from gcs.mavlink.dialect import Message, mavlink
 from gcs.mavlink.transaction import Clock, Send, Transaction
-from gcs.mavlink.tunnel_carrier import carried, replanning, tunnelled
+from gcs.mavlink.tunnel_carrier import carried, replanning, text_of, tunnelled
 
 COMPANION = mavlink.MAV_COMP_ID_ONBOARD_COMPUTER
 """The companion's component id; its system id is the vehicle's."""
@@ -138,7 +138,6 @@ def lease_status(message: Message) -> LeaseStatus | None:
         state = LeaseState(inner.state)
     except ValueError:
         return None
-    text = inner.text if isinstance(inner.text, str) else inner.text.decode("utf-8", "replace")
     return LeaseStatus(
         lease=int(inner.lease),
         state=state,
@@ -149,7 +148,7 @@ def lease_status(message: Message) -> LeaseStatus | None:
         reports_pending=int(inner.reports_pending),
         lidar_age_s=float(inner.lidar_age) if math.isfinite(inner.lidar_age) else None,
         odometry_quality=int(inner.odometry_quality),
-        text="".join(c if c.isprintable() else " " for c in text.rstrip("\0")),
+        text=text_of(inner.text),
     )
 
 

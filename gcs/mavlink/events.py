@@ -199,8 +199,10 @@ class EventStream(Generic[T]):
         replaces: tells whether a new event makes the newest waiting one superfluous.
     """
 
+    __slots__ = ("_readers", "_replaces")
+
     def __init__(self, replaces: Callable[[T, T], bool] | None = None) -> None:
-        self._readers: list[tuple[deque[T], asyncio.Event]] = []
+        self._readers: tuple[tuple[deque[T], asyncio.Event], ...] = ()
         self._replaces = replaces
 
     @property
@@ -220,11 +222,11 @@ class EventStream(Generic[T]):
     async def read(self) -> AsyncIterator[AsyncIterator[T]]:
         """Hear all that is published inside the `async with` block."""
         reader: tuple[deque[T], asyncio.Event] = (deque(maxlen=MAX_WAITING), asyncio.Event())
-        self._readers.append(reader)
+        self._readers += (reader,)
         try:
             yield self._iterate(*reader)
         finally:
-            self._readers.remove(reader)
+            self._readers = tuple(each for each in self._readers if each is not reader)
 
     @staticmethod
     async def _iterate(waiting: deque[T], ready: asyncio.Event) -> AsyncIterator[T]:

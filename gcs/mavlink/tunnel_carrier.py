@@ -12,7 +12,7 @@ from typing import Any
 from gcs.mavlink import replanning_dialect as replanning
 from gcs.mavlink.dialect import Message, mavlink
 
-__all__ = ["PAYLOAD_TYPE", "carried", "replanning", "tunnelled"]
+__all__ = ["PAYLOAD_TYPE", "carried", "replanning", "text_of", "tunnelled"]
 
 PAYLOAD_TYPE = 0x8247
 _HEAD = struct.Struct("<HB")
@@ -47,3 +47,9 @@ def carried(message: Message) -> Message | None:
     frame = _FRAME_HEAD.pack(replanning.PROTOCOL_MARKER_V2, len(body), 0, 0, 0, *sender, number, 0) + body
     checksum = replanning.x25crc(frame[1:] + bytes([checksum_extra])).crc
     return _codec.decode(bytearray(frame + _CHECKSUM.pack(checksum)))
+
+
+def text_of(field: str | bytes) -> str:
+    """A text field of a message, for people: printable, without the zeros at its end."""
+    text = field if isinstance(field, str) else field.decode("utf-8", "replace")
+    return "".join(c if c.isprintable() else " " for c in text.rstrip("\0"))

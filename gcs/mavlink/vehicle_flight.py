@@ -14,6 +14,7 @@ from gcs.mavlink.command_protocol import CommandExchange, OnProgress, command_na
 from gcs.mavlink.companion_lease import LeaseOrder, LeaseOrdering, LeaseStatus
 from gcs.mavlink.events import CommandProgressEvent
 from gcs.mavlink.flight_commands import FlightCommands
+from gcs.mavlink.plan_announcement import CompanionAnnouncement
 from gcs.mavlink.vehicle_channel import VehicleChannel
 from gcs.mavlink.vehicle_transfers import VehicleTransfers
 
@@ -63,6 +64,22 @@ class VehicleFlight(VehicleTransfers):
         system_id = self.identity.system_id
         ordering = LeaseOrdering(order, system_id, self._channel.send, self._now)
         return await self._named(self._channel.run(ordering))
+
+    async def ready_companion(self, plan_hash: str, tell: Callable[[str], None]) -> None:
+        """Have the vehicle's companion get a plan and make it ready; returns when it says that it could fly it now.
+
+        Args:
+            plan_hash: SHA-256 of plan.json, 64 hex digits.
+            tell: takes what it says meanwhile.
+
+        Raises:
+            RefusedError: the companion cannot fly it; in its own words.
+            LinkError: there is none, or it does not come to hold the plan.
+        """
+        system_id = self.identity.system_id
+        await self._named(
+            self._channel.run(CompanionAnnouncement(plan_hash, system_id, self._channel.send, self._now, tell))
+        )
 
     async def arm(self) -> None:
         """Arm, without force."""

@@ -81,6 +81,8 @@ class CompanionFlight:
         Args:
             on_flying: called when the companion leads the vehicle.
 
+        Nothing is armed before the companion has said, now and of this very plan, that it could fly it.
+
         Raises:
             StreamEndedError: the companion ended the lease early; the vehicle holds or somebody else has it.
             RefusedError: vehicle or companion refuse.
@@ -90,6 +92,7 @@ class CompanionFlight:
         if vehicle.in_air:
             await vehicle.pause()  # a lease begins in a hold that a station commanded
         else:
+            await vehicle.ready_companion(self._plan_hash, self._recorder.notice)
             leave, _ = column_times(self._plan)
             await vehicle.take_off(column_top_amsl_m(self._plan, leave))
             await vehicle.until(lambda: vehicle.in_air, HOLDS_WITHIN_S, "it to say that it is in the air")

@@ -27,6 +27,7 @@ from gcs.services.image_account import scene_position
 from gcs.services.mission_fitting import fit_mission, predicted_mission, sampling_of
 from gcs.services.vehicle_model import vehicle_model
 from gcs.storage.plan_files import read_structure
+from gcs.storage.records import FlightPath
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -106,6 +107,7 @@ class FlightChecks:
         ]
         if self._offboard:
             checks.append(await self._stream_loss(limits))
+        checks += await self._companion(vehicle)
         return replace(self._report([*checks, *self._prediction(fitted)], accepted), prediction=fitted.prediction)
 
     async def fitted(self, vehicle: Vehicle, most_items: int | None = None) -> FittedMission:
@@ -139,6 +141,7 @@ class FlightChecks:
             *self._limits(limits),
             *self._prediction(fitted),
             *await check_lists(self._plan, vehicle, sent=not self._offboard),
+            *await self._companion(vehicle),
         ]
         return await self._with_ways_home(vehicle, limits, checks, accepted)
 
@@ -244,6 +247,16 @@ class FlightChecks:
         except GcsError as error:
             return PreflightCheck("datum", "refused", error.message)
         return preflight.check_datum(self._plan, vehicle.telemetry)
+
+    async def _companion(self, vehicle: Vehicle) -> list[PreflightCheck]:
+        """Whether the companion that is to lead holds this plan; it is given the time to get it and make it ready."""
+        if self._flight.mode is not FlightPath.COMPANION:
+            return []
+        try:
+            await vehicle.ready_companion(self._flight.plan_hash, self._tell)
+        except (LinkError, RefusedError) as error:
+            return [PreflightCheck("companion", "refused", error.message)]
+        return [PreflightCheck("companion", "ok", "holds the plan, ready to fly it")]
 
     async def _with_ways_home(
         self, vehicle: Vehicle, limits: VehicleLimits, checks: list[PreflightCheck], accepted: tuple[str, ...]

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from gcs.services.replan_difference import viewpoint_fates
 from gcs.services.report_departures import departures_section
 from gcs.services.report_page import STYLE
 from gcs.services.report_pictures import Drawn, scene_view
@@ -104,7 +105,7 @@ def _drawn(views: list[ReplanView], track: tuple[TrackPoint, ...]) -> Iterator[D
 def _viewpoints(database: Database, flight_id: str, plan: Plan, views: list[ReplanView]) -> str:
     visits = {v.viewpoint_id: v for v in database.flights.visits(flight_id)}
     stored = {i.viewpoint_id for i in database.images.of_flight(flight_id) if i.state is ImageState.STORED}
-    fates = {change.viewpoint_id: change.fate for view in views for change in view.record.viewpoints}
+    fates = viewpoint_fates(views)
     rows = []
     for viewpoint in plan.viewpoints:
         visit = visits.get(viewpoint.id)

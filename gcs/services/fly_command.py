@@ -69,7 +69,7 @@ async def fly_plan(
     Args:
         out: the plan's folder.
         url: of the link to the vehicle.
-        mode: `mission` or `offboard`; chosen by the prediction of both when not given.
+        mode: `mission` or `offboard`, chosen by the prediction of both when not given; or `companion`.
         confirm: asked with the vehicle's name, returns what the operator typed.
         accept: failsafes that are off, and unknown values, accepted by name.
         data_dir: where the flight is recorded.

@@ -13,6 +13,8 @@ from gcs.core.errors import ConflictError, GcsError, OperationCancelled
 from gcs.services.flight_recorder import ERROR, NOTICE, log_line
 from gcs.services.live_feed import FeedEvent, FlightChanged, LiveFeed, OfferChanged, ReplanStored
 from gcs.services.remaining_flight import pictured_before
+from gcs.services.replan_difference import viewpoint_fates
+from gcs.services.replan_reports import reported_differences
 from gcs.services.resumed_plan import write_plan_from_home
 from gcs.storage.atomic_files import open_folder
 from gcs.storage.plan_files import read_report
@@ -185,7 +187,7 @@ class PlanOffers:
 
     def _skipped(self, flight_id: str, plan_id: str) -> list[Viewpoint]:
         """Viewpoints that a flight skipped for good and that no flight has pictured, in the plan's order."""
-        fates = {v.viewpoint_id: v.fate for r in self._database.replans.of_flight(flight_id) for v in r.viewpoints}
+        fates = viewpoint_fates(reported_differences(self._database, self._plans, flight_id))
         skipped = {viewpoint for viewpoint, fate in fates.items() if fate is ViewpointFateName.SKIPPED}
         if not skipped:
             return []

@@ -12,11 +12,12 @@ from gcs.planning.paths.string_pulling import path_length
 from gcs.storage.records import ReplanRecord
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Callable, Iterable, Sequence
 
     from numpy.typing import NDArray
 
     from gcs.core.plan import Plan
+    from gcs.storage.records import ViewpointFateName
 
 SAMPLE_S = 0.1
 NEAR_M = 1.0
@@ -68,7 +69,8 @@ class ReplanView:
         chain: what is known of the plan that was left.
         left_out: the piece of the plan that was not flown; None when the plan is not known.
         flown_length_m: of the piece that was flown instead.
-        viewpoint_names: of the viewpoints that the report names, in its order; None for one that the plan has not.
+        viewpoint_names: of the viewpoints that the report names, in its order; None for one that the plan has not, and
+            for those of a plan that is not known.
     """
 
     record: ReplanRecord
@@ -111,10 +113,16 @@ def differences(
             chain,
             left_out,
             path_length(np.array(record.path_m).reshape(-1, 3)),
-            tuple(names.get(v.viewpoint_id) for v in record.viewpoints),
+            tuple(None if chain is Chain.UNKNOWN else names.get(v.viewpoint_id) for v in record.viewpoints),
         )
         views.append(previous)
     return views
+
+
+def viewpoint_fates(views: Iterable[ReplanView]) -> dict[int, ViewpointFateName]:
+    """What became of viewpoints of the plan, as last told; reports of a plan that nobody knows tell nothing of this."""
+    known = [view.record for view in views if view.chain is not Chain.UNKNOWN]
+    return {change.viewpoint_id: change.fate for record in known for change in record.viewpoints}
 
 
 def _in_order(records: Sequence[ReplanRecord]) -> list[ReplanRecord]:

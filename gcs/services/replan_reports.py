@@ -68,16 +68,7 @@ class ReplanReports:
             NotFoundError: there is no such flight.
             InputError: the files of its plan were damaged.
         """
-        flight = self._database.flights.get(flight_id)
-        records = self._database.replans.of_flight(flight_id)
-        if not records:
-            return []
-        boots = {record.boot_id for record in records}
-        stored = {
-            (boot, r.number) for boot in boots for r in self._database.replans.of_boot(records[0].system_id, boot)
-        }
-        plan = self._plans.read(flight.plan_id)
-        return differences(plan, flight.plan_hash, records, lambda boot, number: (boot, number) in stored)
+        return reported_differences(self._database, self._plans, flight_id)
 
     async def _listen(self) -> None:
         station = self._vehicles.station
@@ -134,6 +125,23 @@ class ReplanReports:
 
     def _log(self, record: ReplanRecord, text: str, severity: int) -> None:
         log_line(self._database, self._feed, record.flight_id, "replan", text, severity=severity, report=record.id)
+
+
+def reported_differences(database: Database, plans: PlanService, flight_id: str) -> list[ReplanView]:
+    """The stored reports of a flight as differences from its plan.
+
+    Raises:
+        NotFoundError: there is no such flight.
+        InputError: the files of its plan were damaged.
+    """
+    flight = database.flights.get(flight_id)
+    records = database.replans.of_flight(flight_id)
+    if not records:
+        return []
+    boots = {record.boot_id for record in records}
+    stored = {(boot, r.number) for boot in boots for r in database.replans.of_boot(records[0].system_id, boot)}
+    plan = plans.read(flight.plan_id)
+    return differences(plan, flight.plan_hash, records, lambda boot, number: (boot, number) in stored)
 
 
 def _record(report: ReplanReport, system_id: int, flight_id: str, anchor: GeoPoint) -> ReplanRecord:

@@ -79,8 +79,9 @@ def _flown(view: ReplanView) -> str:
 
 def _fates(view: ReplanView) -> str:
     said = []
+    whose = "of that plan" if view.chain is Chain.UNKNOWN else "that the plan does not have"
     for change, name in zip(view.record.viewpoints, view.viewpoint_names, strict=True):
-        called = f"viewpoint {change.viewpoint_id}, which the plan does not have" if name is None else escape(name)
+        called = f"viewpoint {change.viewpoint_id} {whose}" if name is None else escape(name)
         where = "" if change.position_m is None else f" to {' / '.join(f'{c:.1f}' for c in change.position_m)} m"
         said.append(f"{called}: {change.fate}{where}")
     return "<br>".join(said) or "all taken"

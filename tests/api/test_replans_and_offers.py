@@ -173,6 +173,22 @@ def test_a_plan_that_is_not_known_is_said_once_and_its_reports_are_kept(client, 
     assert sum("does not know" in line for line in lines(client, started, "replan")) == 1
 
 
+def test_viewpoints_of_a_plan_that_is_not_known_are_not_those_of_the_flight(
+    client, started, report, tell, over, replans, offers
+):
+    tell(replace(report, plan_hash="ff" * 32))
+    (shown,) = until(replans, bool)
+    assert [(v["viewpoint_id"], v["name"]) for v in shown["viewpoints"]] == [(0, None)]
+    over()
+    refused = client.post(f"/api/flights/{started['id']}/offers")
+    assert (refused.status_code, offers()) == (409, [])
+    page = client.get(f"/api/flights/{started['id']}/report.html").text
+    assert "viewpoint 0 of that plan: skipped" in page
+    assert "as planned" in page
+    tell(replace(report, boot_id=8))  # and one of this flight's own plan
+    until(offers, lambda found: [o["viewpoints"] for o in found] == [[0]])
+
+
 def test_a_report_that_comes_late_closes_the_gap(client, started, report, tell, replans):
     second = replace(report, number=2, plan_hash=AFTER, plan_hash_after="02" * 32)
     tell(second)

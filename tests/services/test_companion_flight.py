@@ -9,7 +9,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from gcs.core.errors import LinkError
+from gcs.core.errors import LinkError, RefusedError
 from gcs.core.frames import GeoPoint
 from gcs.core.trajectory import PiecewisePolynomial
 from gcs.core.vehicle import Autopilot, FlightMode, Heard, LandedState, Telemetry, VehicleIdentity
@@ -39,6 +39,8 @@ class LedVehicle:
         self.pilot_in_control = False
         self.lent = None
         self.orders = []
+        self.unready = None
+        self.announced = []
         self.show(FlightMode.HOLD)
 
     def events(self):
@@ -55,6 +57,16 @@ class LedVehicle:
 
     async def pause(self):
         self.orders.append("pause")
+
+    async def ready_companion(self, plan_hash, tell):
+        self.announced.append(plan_hash)
+        tell("companion: gets the plan")
+        if self.unready is not None:
+            raise self.unready
+
+    async def take_off(self, altitude_amsl_m):
+        self.orders.append("take off")
+        self.in_air = True
 
     def lend(self, lease):
         self.lent = lease
@@ -134,10 +146,10 @@ def led(recorder):
         return tasks[-1]
 
     async def not_begun(run, error):
-        raise error
+        flights.not_begun.append(error)
 
     flights = LedFlights(recorder.database, spawn, not_begun)
-    flights.tasks = tasks
+    flights.tasks, flights.not_begun = tasks, []
     yield flights
     for task in tasks:
         task.cancel()
@@ -190,6 +202,22 @@ async def test_a_pilots_own_hold_or_landing_is_a_take_over_said_once(led, run, m
     assert not run.companion.streaming
     assert run.companion.view.status.state is LeaseState.TAKEN_OVER
     assert not any("ended its lease" in text for text in texts(run, "offboard")), "that would be said twice"
+
+
+@pytest.mark.parametrize("unready", [LinkError("no companion is heard"), RefusedError("the station does not answer")])
+async def test_nothing_is_armed_unless_the_companion_says_that_it_could_fly_this_plan(led, run, monkeypatch, unready):
+    monkeypatch.setattr(companion_flight, "column_times", lambda plan: (2.0, 18.0))
+    monkeypatch.setattr(companion_flight, "column_top_amsl_m", lambda plan, leave_s: 14.0)
+    vehicle = run.vehicle
+    vehicle.in_air, vehicle.unready = False, unready
+    led.lend(run, HASH)
+    await asyncio.wait_for(led.tasks[0], 5)
+    assert (vehicle.orders, vehicle.lent, led.not_begun) == ([], None, [unready])
+    assert texts(run, "command") == ["companion: gets the plan"]
+    vehicle.unready = None
+    await leading(led, run)
+    assert vehicle.orders == ["take off", OrderKind.FLY]
+    assert vehicle.announced == [HASH, HASH]
 
 
 async def test_after_a_take_over_the_operator_resumes_by_a_new_lease(led, run):

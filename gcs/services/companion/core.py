@@ -10,10 +10,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from gcs.core.errors import GcsError, InputError
-from gcs.core.frames import rigid_between
 from gcs.core.replanning import ReplanReason
 from gcs.mavlink.companion_lease import (
     COMPANION,
@@ -28,11 +25,14 @@ from gcs.mavlink.companion_lease import (
 )
 from gcs.mavlink.dialect import mavlink
 from gcs.mavlink.heartbeats import autopilot_of, is_vehicle
+from gcs.mavlink.plan_announcement import announced_plan
 from gcs.mavlink.status_text import status_text_messages
 from gcs.mavlink.stepped_channel import SteppedTask
+from gcs.services.companion.announced_plans import AnnouncedPlans
 from gcs.services.companion.departure_report import departure_reports, unreached
 from gcs.services.companion.lease_memory import LeaseMemory
 from gcs.services.companion.led_flight import LedFlight, Progress
+from gcs.services.companion.objections import OBJECTION_S, away_from_start, silent_lidar, unfit_senses
 from gcs.services.companion.own_vehicle import OwnVehicle
 from gcs.services.companion.senses import SENSOR_MESSAGES, Senses
 from gcs.storage.lease_file import KeptLease
@@ -47,14 +47,8 @@ if TYPE_CHECKING:
 HEARTBEAT_S = 1.0
 STATUS_S = 0.5
 WATCH_S = 0.1
-NEAR_START_M = 3.0
-"""A lease begins only when the vehicle hovers within this of the place where the plan goes on."""
-
 ORDER_STANDS_S = 5.0
 """An order that cannot be followed yet stands for so long after it was last heard."""
-
-OBJECTION_S = 4.0
-"""What speaks against an order may go away within this (a value not heard yet); then the order is refused."""
 
 WARNING = 4
 AUTOPILOT_SILENT_S = 3.0
@@ -110,6 +104,7 @@ class CompanionCore:
         self._clock = clock
         self._plans = plans
         self._outbox = outbox
+        self._announced = AnnouncedPlans(plans, clock)
         self._senses = Senses(self._options.slab_half_m or float("inf"), self._say)
         self._vehicle: OwnVehicle | None = None
         self._introduction: SteppedTask | None = None
@@ -232,8 +227,12 @@ class CompanionCore:
     # ---- orders ----
 
     def _take_tunnel(self, message: Message) -> None:
+        if message.target_system not in (0, self._system_id):
+            return
         self._outbox.handle(message)
-        order = lease_order(message)
+        announced, order = announced_plan(message), lease_order(message)
+        if announced is not None:
+            self._send(self._announced.answer(announced, *self._fitness()))
         if order is None:
             return
         if order.kind is OrderKind.FLY:
@@ -308,29 +307,23 @@ class CompanionCore:
         if self._flyable is None:
             self._text = "gets the plan"
             return ""
-        lidar_s = self._senses.lidar_age_s(now)
         if not vehicle.in_air:
             return "the vehicle does not fly"
         if not vehicle.may_be_led:
             name = vehicle.telemetry.mode_name
             return f"the vehicle is in {'no mode' if name is None else name.value}, not held"
-        if self._options.needs_lidar and (lidar_s is None or lidar_s > self._options.lidar_silent_s):
-            return "the lidar is silent"
-        odometry = self._senses.odometry.problem(now)
-        if odometry is not None:
-            return odometry
-        return self._away_from_start(self._flyable, vehicle, now)
+        unfit = unfit_senses(self._senses, self._options, now)
+        return unfit or away_from_start(self._flyable, vehicle, now, self._progress_on(self._flyable).plan_s)
 
-    def _away_from_start(self, flyable: FlyablePlan, vehicle: OwnVehicle, now_s: float) -> str | None:
-        place, origin = vehicle.poses.position(now_s), vehicle.telemetry.origin
-        if place is None or origin is None or vehicle.poses.attitude(now_s) is None:
-            return "the vehicle does not tell where it is"
-        so_far = self._progress_on(flyable).plan_s
-        start = flyable.curve.value(flyable.leave_s if so_far is None else flyable.time_of(so_far))
-        rotation, shift = rigid_between(flyable.plan.scenario.anchor.point, origin.value)
-        off_m = float(np.linalg.norm(place - (rotation @ start + shift)))
-        near_m = NEAR_START_M if so_far is None else NEAR_START_M + flyable.swept_m
-        return None if off_m <= near_m else f"{off_m:.0f} m away from where the plan goes on"
+    def _fitness(self) -> tuple[float | None, str | None]:
+        """The autopilot's time without setpoints, once known, and what speaks against flying any plan at present."""
+        vehicle = self._vehicle
+        now = None if vehicle is None else vehicle.now_s()
+        if vehicle is None or now is None:
+            return None, None
+        objection = "it flies another plan" if self._leading else None
+        objection = objection or unfit_senses(self._senses, self._options, now)
+        return vehicle.offboard_timeout_s, objection
 
     def _progress_on(self, flyable: FlyablePlan) -> Progress:
         return self._progress.setdefault(flyable.plan_hash, Progress())
@@ -425,11 +418,10 @@ class CompanionCore:
         if not vehicle.is_fresh("armed", AUTOPILOT_SILENT_S):
             flight.stop("the autopilot is not heard")
             return
-        lidar_s, newest = self._senses.lidar_age_s(now), vehicle.poses.newest
-        blind = self._options.needs_lidar and (lidar_s is None or lidar_s > self._options.lidar_silent_s)
+        newest = vehicle.poses.newest
         lost = newest is None or now - newest.at_s > POSITION_SILENT_S
         problems = {
-            "lidar": "the lidar is silent" if blind else None,
+            "lidar": silent_lidar(self._senses, self._options, now),
             "position": "the position is old" if lost else None,
             "odometry": self._senses.odometry.problem(now),
         }

@@ -103,6 +103,8 @@ class StationPlans:
         if key in self._made:
             return self._made[key]
         if key not in self._making:
+            if not all(answer.poll() for answer in self._making.values()):
+                return None  # one at a time, whatever is announced: the computer has a vehicle to fly
             self._making[key] = self._begin(*key)
         if not self._making[key].poll():
             return None

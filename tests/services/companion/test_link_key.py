@@ -77,7 +77,7 @@ async def companion(directory, key_file, **given):
         )
     )
     try:
-        async with asyncio.timeout(10.0):
+        async with asyncio.timeout(60.0):
             while not told and not running.done():  # noqa: ASYNC110 - what it says has no event to wait for
                 await asyncio.sleep(0.01)
         yield told
@@ -114,7 +114,7 @@ def key_file(tmp_path):
 async def test_all_that_it_sends_is_signed(tmp_path, key_file):
     async with companion(tmp_path / "kept", key_file) as told, autopilot(told, KEY) as end:
         await end.beside(told, "beside the autopilot of system 1")
-        async with asyncio.timeout(10.0):
+        async with asyncio.timeout(60.0):
             while not any(m.get_type() == "TUNNEL" for m in end.heard):
                 end.heartbeat()
                 await asyncio.sleep(0.05)
@@ -160,7 +160,7 @@ async def test_forged_orders_and_acknowledgements_change_nothing(tmp_path, key_f
         assert sum("unsigned packets" in line for line in told) == 1, "said once"
         end.send(acknowledgement())
         end.send(fly(lease=8))
-        async with asyncio.timeout(5.0):
+        async with asyncio.timeout(60.0):
             while stored() or 8 not in leases(end.heard):  # noqa: ASYNC110 - as above
                 await asyncio.sleep(0.02)
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import time
+from multiprocessing import active_children
 from types import SimpleNamespace
 
 import pytest
@@ -11,7 +12,7 @@ import pytest
 from gcs.core.errors import GcsError, InputError, LinkError, NotFoundError
 from gcs.core.progress import SilentProgress
 from gcs.services.benchmarks.wall_plan import WALL_M, wall_plan
-from gcs.services.companion.station_plans import StationFiles, StationPlans, prepared_plan
+from gcs.services.companion.station_plans import NO_STATION, StationFiles, StationPlans, prepared_plan
 from gcs.services.plan_writing import write_certified
 from gcs.storage.kept_plans import KeptPlans
 from gcs.storage.plan_files import plan_hash
@@ -76,6 +77,16 @@ def test_what_fails_is_told_and_tried_anew(station, kept, written):
         until_there(plans, written.hash)
     station.files[PLAN] = written.files[PLAN]
     assert until_there(plans, written.hash).plan_hash == written.hash
+
+
+def test_one_plan_at_a_time_is_made_ready(kept):
+    before = set(active_children())
+    plans, hashes = StationPlans(kept, None), ("aa" * 32, "bb" * 32)
+    assert [plans.get(wanted, 1.0) for wanted in hashes] == [None, None]
+    assert len(set(active_children()) - before) <= 1
+    for wanted in hashes:
+        with pytest.raises(NotFoundError, match=NO_STATION):
+            until_there(plans, wanted)
 
 
 def test_without_the_station_it_is_flown_from_the_disk(kept, written, unused_tcp_port):

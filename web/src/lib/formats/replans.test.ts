@@ -1,7 +1,7 @@
 import { describe, expect, it } from 'vitest';
 
 import { offer, replan } from '../state/samples';
-import { chainProblem, obstacleWords, offerWords, pieces, skippedViewpoints } from './replans';
+import { chainProblem, obstacleWords, offerWords, pieces, skippedViewpoints, viewpointWords } from './replans';
 
 describe('replanning reports in words', () => {
   it('counts a viewpoint as skipped until a later report says that it was moved', () => {
@@ -9,6 +9,8 @@ describe('replanning reports in words', () => {
     const first = replan({ id: 1, viewpoints: [fate(3, 'skipped'), fate(4, 'skipped')] });
     const second = replan({ id: 2, viewpoints: [fate(4, 'moved')] });
     expect([...skippedViewpoints([second, first])]).toEqual([3]);
+    const strange = replan({ id: 3, chain: 'unknown', viewpoints: [fate(0, 'skipped')] });
+    expect([...skippedViewpoints([first, second, strange])]).toEqual([3]);
   });
 
   it('compares the piece of the plan with what was flown', () => {
@@ -27,6 +29,13 @@ describe('replanning reports in words', () => {
     expect(chainProblem(replan({ chain: 'gap' }))).toContain('missing');
     expect(chainProblem(replan({ chain: 'unknown', plan_hash: 'ab12cd34ef' }))).toContain('ab12cd34…');
     expect(chainProblem(replan({ chain: 'unknown', plan_hash: '0000' }))).toContain('told none');
+  });
+
+  it('calls a viewpoint by its name, if the plan is known and has it', () => {
+    const viewpoint = { viewpoint_id: 7, name: 'V', fate: 'skipped' as const, position_m: null };
+    expect(viewpointWords(replan(), viewpoint)).toBe('V');
+    expect(viewpointWords(replan(), { ...viewpoint, name: null })).toBe('viewpoint 7 that the plan does not have');
+    expect(viewpointWords(replan({ chain: 'unknown' }), { ...viewpoint, name: null })).toBe('viewpoint 7 of that plan');
   });
 
   it('tells a standing obstacle from a moving one', () => {

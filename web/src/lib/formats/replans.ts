@@ -1,10 +1,10 @@
 import type { PlanOfferInfo, ReplanInfo } from '../api/types';
 import { clock, figure, timeOfDay } from './words';
 
-/** Viewpoints whose last word is that they were skipped. */
+/** Viewpoints whose last word is that they were skipped; reports of a plan that nobody knows tell nothing of this one's. */
 export function skippedViewpoints(replans: readonly ReplanInfo[]): Set<number> {
   const skipped = new Set<number>();
-  for (const replan of [...replans].sort((a, b) => a.id - b.id)) {
+  for (const replan of replans.filter(({ chain }) => chain !== 'unknown').sort((a, b) => a.id - b.id)) {
     for (const { viewpoint_id, fate } of replan.viewpoints) {
       if (fate === 'skipped') skipped.add(viewpoint_id);
       else skipped.delete(viewpoint_id);
@@ -30,6 +30,11 @@ export function chainProblem(replan: ReplanInfo): string | null {
   if (replan.chain === 'gap') return 'A report before this one is missing.';
   const hash = /^0*$/.test(replan.plan_hash) ? 'it was told none' : `${replan.plan_hash.slice(0, 8)}…`;
   return `It left a plan that this station does not know (${hash}), so nothing is compared.`;
+}
+
+/** What a viewpoint of a report is called. */
+export function viewpointWords(replan: ReplanInfo, { viewpoint_id, name }: ReplanInfo['viewpoints'][number]): string {
+  return name ?? `viewpoint ${viewpoint_id} ${replan.chain === 'unknown' ? 'of that plan' : 'that the plan does not have'}`;
 }
 
 /** The obstacle in a few words. */
