@@ -228,6 +228,19 @@ def clear(url: str, vehicle: str, what: str | None, data_dir: Path | None) -> No
     click.echo(f"{vehicle} holds no {mission_type.noun} any more")
 
 
+@cli.command("set-current")
+@connect_option
+@vehicle_option
+@click.argument("item", type=click.IntRange(0, 65534))
+@data_option
+def set_current(url: str, vehicle: str, item: int, data_dir: Path | None) -> None:
+    """Make ITEM (from 0) the current one of a disarmed vehicle's mission; `gcs fly` starts at the first anyhow."""
+    from gcs.services.transfer_commands import set_current
+
+    _run(set_current(url, vehicle, item, data_dir))
+    click.echo(f"{vehicle} has item {item} as its current one")
+
+
 @cli.group()
 def signing() -> None:
     """Sign links (MAVLink 2); keys are kept encrypted with the passphrase in GCS_KEY."""

@@ -2,7 +2,10 @@
 
 https://mavlink.io/en/services/image_transmission.html. The protocol cannot ask for single packets and has no
 checksum. So the picture is asked for again while packets are missing, and what came in different passes is put together
-only if all packets that both have are the same: a newer picture is never mixed with an older one.
+only if the packets that both have are the same and at least half of the newer pass; behind the last of them, which
+vouches for what comes before it, all is taken of one pass. In a compressed picture nothing is the same behind the first
+difference, so that two of one size are not mixed. In one that is not (bmp, pgm) whole rows may be the same, black ones,
+say: there a newer picture that is the same in every packet that both passes brought would pass for the older one.
 
     ASK (handshake with size 0) -> PASS (packets, until the last one or silence) -> ASK ... -> DONE
 """
@@ -227,11 +230,7 @@ class RequestImage(Transaction[TransmittedImage]):
         if announced is None:
             return
         before = len(self._held)
-        both = self._held.keys() & self._fresh.keys()
-        if both and all(self._held[n] == self._fresh[n] for n in both):
-            self._held = self._held | self._fresh
-        elif both or len(self._fresh) > len(self._held):
-            self._held = self._fresh
+        self._held = _joined(self._held, self._fresh)
         self._stalled = 0 if len(self._held) > before else self._stalled + 1
         if len(self._held) == announced.packets:
             self._finish(announced)
@@ -256,3 +255,15 @@ class RequestImage(Transaction[TransmittedImage]):
     def _end(self, error: GcsError) -> None:
         self._step = TransmissionStep.DONE
         self._fail(error)
+
+
+def _joined(held: dict[int, bytes], fresh: dict[int, bytes]) -> dict[int, bytes]:
+    """The packets of two passes, if they are of one picture; else those of the newer picture, or of the fuller pass."""
+    both = held.keys() & fresh.keys()
+    if any(held[n] != fresh[n] for n in both):
+        return fresh
+    if not both or 2 * len(both) < len(fresh):
+        return max(held, fresh, key=len)
+    last = max(both)
+    ends = max(({n: data for n, data in each.items() if n > last} for each in (held, fresh)), key=len)
+    return {n: data for n, data in (held | fresh).items() if n <= last} | ends

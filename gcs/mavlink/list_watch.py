@@ -1,7 +1,9 @@
 """Notices that one of a vehicle's lists became another one after the station had found out what it holds.
 
-Vehicles that give their lists ids tell those of all three in MISSION_CURRENT, again and again. An id counts as another
-one when it came `TOLD_TIMES` times in a row: one old packet that is late must not look like a change.
+Vehicles that give their lists ids tell those of all three in MISSION_CURRENT, again and again. ArduPilot has none, but
+may tell there how many items its mission has, which is taken for an id: an exchange for as many items is not seen. An
+id counts as another one when it came `TOLD_TIMES` times in a row: one old packet that is late must not look like a
+change.
 """
 
 from __future__ import annotations
@@ -9,7 +11,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+from gcs.core.vehicle import Autopilot
+from gcs.mavlink.dialect import Message
 from gcs.mavlink.mission_protocol import MissionType
+from gcs.mavlink.plan_id import told_list_ids
+from gcs.mavlink.telemetry_decoder import mission_progress
 
 TOLD_TIMES = 2
 SETTLED_S = 3.0
@@ -23,6 +29,13 @@ class _Known:
     confirmed: bool = False
     other: int | None = None
     told: int = 0
+
+
+def told_marks(message: Message, autopilot: Autopilot) -> dict[MissionType, int]:
+    """The ids in a MISSION_CURRENT, or what is taken for them; 0 for each list that has none."""
+    if autopilot is Autopilot.ARDUPILOT:
+        return {MissionType.MISSION: mission_progress(message).total or 0}
+    return told_list_ids(message)
 
 
 class ListWatch:
@@ -49,7 +62,7 @@ class ListWatch:
         self._known[mission_type] = _Known(None, now_s)
 
     def take(self, ids: Mapping[MissionType, int], now_s: float) -> list[MissionType]:
-        """Take the ids of a MISSION_CURRENT (0: none); returns the lists that were changed, each once."""
+        """Take the ids of a MISSION_CURRENT, as of `told_marks`; returns the lists that were changed, each once."""
         changed = [kind for kind, known in self._known.items() if kind in ids and _differs(known, ids[kind], now_s)]
         for kind in changed:
             self.forget(kind)

@@ -5,12 +5,12 @@ MAVLink mission protocol, https://mavlink.io/en/services/mission.html.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from enum import IntEnum
 from typing import TypeVar
 
-from gcs.core.errors import LinkError, OperationCancelled, RefusedError
+from gcs.core.errors import InputError, LinkError, OperationCancelled, RefusedError
 from gcs.core.mission import PLACE_COMMANDS, MissionItem
 from gcs.mavlink.dialect import Message, mavlink
 from gcs.mavlink.round_trip import GROWTH, RoundTrip
@@ -168,6 +168,21 @@ def item_from_message(message: Message) -> MissionItem:
         current=message.current,
         autocontinue=message.autocontinue,
     )
+
+
+def check_places(items: Sequence[MissionItem], mission_type: MissionType) -> None:
+    """See that every place is one on Earth: some vehicles take others without a word, and then do not fly.
+
+    Raises:
+        InputError: one is not; names the item and its value.
+    """
+    for item in items:
+        if item.command not in PLACE_COMMANDS or item.frame not in _GLOBAL_FRAMES:
+            continue
+        for name, value, most in (("latitude", item.x / 1e7, 90.0), ("longitude", item.y / 1e7, 180.0)):
+            if abs(value) > most:
+                words = f"its {name} of {value:g} deg is out of range (-{most:g} to {most:g}); nothing was sent"
+                raise InputError(words, field=f"{mission_type.noun}, item {item.sequence}")
 
 
 class MissionTransaction(Transaction[R]):

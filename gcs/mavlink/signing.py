@@ -80,6 +80,8 @@ class LinkSigning:
         wall: seconds since 1970.
         rotated_at: when the key took the place of an older one; None while it is the first.
         newest: no time stamp is at or before this one, whatever the clock says.
+        pending: another key that the other end may hold; the first packet that is signed with it shows that it does,
+            and it takes the place of `key` for good: recordings of what the old one signed bring nothing back.
     """
 
     PROBLEM_KEPT_S = 10.0
@@ -92,9 +94,11 @@ class LinkSigning:
         wall: Callable[[], float] = time.time,
         rotated_at: str | None = None,
         newest: int = 0,
+        pending: bytes | None = None,
     ) -> None:
         self.rejects_unsigned = rejects_unsigned
         self.rotated_at = rotated_at
+        self.pending = pending
         self._key = key
         self._wall = wall
         self._lock = threading.Lock()
@@ -148,9 +152,10 @@ class LinkSigning:
         if not message.is_signed:
             return Verdict.UNSIGNED
         packet = message.packet
-        digest = hashlib.sha256(self._key + packet[:-_DIGEST]).digest()[:_DIGEST]
-        if not hmac.compare_digest(digest, packet[-_DIGEST:]):
-            return Verdict.WRONG_KEY
+        if not _is_signed_with(self._key, packet):
+            if self.pending is None or not _is_signed_with(self.pending, packet):
+                return Verdict.WRONG_KEY
+            self._key, self.pending = self.pending, None
         stamp = int.from_bytes(packet[-12:-_DIGEST], "little")
         stream = packet[-SIGNATURE:-12] + packet[5:7]  # link id of the sender, system and component id
         newest = self._streams.get(stream)
@@ -168,6 +173,10 @@ class LinkSigning:
 
     def _lets_pass(self, message: ReceivedMessage) -> bool:
         return not self.rejects_unsigned or message.message_number in _UNSIGNED_ALLOWED
+
+
+def _is_signed_with(key: bytes, packet: bytes) -> bool:
+    return hmac.compare_digest(hashlib.sha256(key + packet[:-_DIGEST]).digest()[:_DIGEST], packet[-_DIGEST:])
 
 
 def signed(frame: bytes, key: bytes, timestamp: int, link_id: int = 0) -> bytes:

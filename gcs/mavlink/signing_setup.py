@@ -24,6 +24,11 @@ ROUND_S = 0.3
 ROUNDS = 8
 LAST_ANSWER_S = 1.0
 FRESH_S = 3.0
+NOT_SIGNED = "this link is not signed; one that has a key is signed when it is opened anew"
+NOT_SHOWN = (
+    "nothing shows that it took the new key: it may not support signing, hold another key, or hold the new one and its "
+    "answers were lost; the new key is kept: set signing up again, which gives it the same key"
+)
 NO_KEY = bytes(KEY_BYTES)
 """With it SETUP_SIGNING switches signing off."""
 
@@ -139,7 +144,7 @@ class SigningProbe(Transaction[SigningProof]):
 
 
 async def set_up_signing(
-    vehicle: VehicleState, link: Link, peer: Peer, signing: LinkSigning, clock: Clock
+    vehicle: VehicleState, link: Link, peer: Peer, signing: LinkSigning, clock: Clock, keep: Callable[[], None]
 ) -> SigningProof:
     """Give a vehicle the key of `signing`, prove it, and have the link signed with it from then on.
 
@@ -151,12 +156,14 @@ async def set_up_signing(
         peer: of the link, behind which the vehicle is.
         signing: what the link is to be signed with.
         clock: monotonic seconds.
+        keep: keeps the key before it is sent: from then on the vehicle may hold it, whatever is heard of that.
 
     Raises:
-        RefusedError: the vehicle is or may be armed, or does not take the key.
-        LinkError: the vehicle does not answer.
+        RefusedError: the vehicle is or may be armed; nothing was sent.
+        LinkError: nothing shows that the vehicle took the key.
     """
     _must_be_disarmed(vehicle, clock())
+    keep()
     old = link.signing
 
     def tell() -> None:
@@ -166,15 +173,17 @@ async def set_up_signing(
         link.signing = signing
 
     who = (vehicle.identity.system_id, vehicle.identity.component_id)
+    taken = False
     try:
         proof = await _probed(vehicle, peer, signing, tell, clock)
-    except BaseException:
-        link.signing = old
-        raise
-    if proof.signed_answers == 0:
-        link.signing = old
-        words = "it did not take the key: it may not support signing, or hold another key; nothing was changed here"
-        raise RefusedError(words, field=vehicle.identity.name)
+        taken = proof.signed_answers > 0
+    finally:
+        if not taken:
+            link.signing = old
+            if old is not None:
+                old.pending = signing.key
+    if not taken:
+        raise LinkError(NOT_SHOWN, field=vehicle.identity.name)
     return proof
 
 
@@ -188,7 +197,7 @@ async def prove_signing(vehicle: VehicleState, link: Link, peer: Peer, clock: Cl
     """
     _must_be_disarmed(vehicle, clock())
     if link.signing is None:
-        raise ConflictError("this link is not signed", field=link.url)
+        raise ConflictError(NOT_SIGNED, field=link.url)
     proof = await _probed(vehicle, peer, link.signing, lambda: None, clock)
     if proof.signed_answers == 0:
         raise RefusedError("it answers nothing that is signed with this link's key", field=vehicle.identity.name)
@@ -212,13 +221,14 @@ async def remove_signing(vehicle: VehicleState, link: Link, peer: Peer, clock: C
     """Have a vehicle forget its key and answer everybody again.
 
     Raises:
+        ConflictError: the link is not signed, so that the vehicle would not obey.
         RefusedError: the vehicle is or may be armed.
         LinkError: it goes on signing; the link is signed as before.
     """
     _must_be_disarmed(vehicle, clock())
     old = link.signing
     if old is None:
-        return
+        raise ConflictError(NOT_SIGNED, field=link.url)
     who = (vehicle.identity.system_id, vehicle.identity.component_id)
     rejects, old.rejects_unsigned = old.rejects_unsigned, False
     try:

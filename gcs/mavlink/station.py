@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import logging
 import time
-from collections.abc import AsyncIterator, Coroutine
+from collections.abc import AsyncIterator, Callable, Coroutine
 from contextlib import AbstractAsyncContextManager
 from dataclasses import dataclass
 from typing import Any
@@ -192,10 +192,20 @@ class MavlinkStation:
         self._routes.drop(lambda way: way.link is entry.link)
         await entry.link.close()
 
-    async def set_up_signing(self, vehicle: Vehicle, url: str, signing: LinkSigning) -> SigningProof:
-        """Give a disarmed vehicle a key, prove it, and have the link signed; errors as of `signing_setup`."""
+    async def set_up_signing(
+        self, vehicle: Vehicle, url: str, signing: LinkSigning, keep: Callable[[], None] = lambda: None
+    ) -> SigningProof:
+        """Give a disarmed vehicle a key, prove it, and have the link signed; errors as of `signing_setup`.
+
+        Args:
+            vehicle: must be heard on this link alone, and be alone on it.
+            url: of the link.
+            signing: what the link is to be signed with.
+            keep: keeps the key, before it is sent.
+        """
         way = self._only_way(vehicle, url)
-        return await set_up_signing(vehicle, way.link, way.peer, signing, self._clock)
+        self._must_be_alone(vehicle, way.link)
+        return await set_up_signing(vehicle, way.link, way.peer, signing, self._clock, keep)
 
     async def prove_signing(self, vehicle: Vehicle, url: str) -> SigningProof:
         """See whether a disarmed vehicle goes by the key of a signed link there; errors as of `signing_setup`."""
@@ -205,6 +215,7 @@ class MavlinkStation:
     async def remove_signing(self, vehicle: Vehicle, url: str) -> None:
         """Have a disarmed vehicle forget its key, and the link be unsigned; errors as of `signing_setup`."""
         way = self._only_way(vehicle, url)
+        self._must_be_alone(vehicle, way.link)
         await remove_signing(vehicle, way.link, way.peer, self._clock)
 
     async def close_all(self) -> None:
@@ -264,13 +275,26 @@ class MavlinkStation:
             raise LinkError(f"it is not heard on {canonical}", field=vehicle.identity.name)
         return ways[0]
 
+    def _must_be_alone(self, vehicle: Vehicle, link: Link) -> None:
+        """A link has one key, and a vehicle without it is not heard there: one that flies would lose its stream."""
+        others = [
+            other.identity.name
+            for other in self._vehicles.values()
+            if other is not vehicle
+            and other.connected
+            and any(way.link is link for way in self._routes.ways(_autopilot(other)))
+        ]
+        if others:
+            words = f"{', '.join(others)} would not be heard on it any more: open a link of its own for each vehicle"
+            raise ConflictError(words, field=link.url)
+
     def _heard(self, link: Link, peer: Peer, message: ReceivedMessage) -> None:
         system_id = message.from_system
         if system_id in (0, self._own[0]) or self._only_system not in (None, system_id):
             return
         if self._only_peer not in (None, peer):
             return
-        component, now = (system_id, message.from_component), self._clock()
+        component, now = (system_id, message.from_component), peer.heard_at  # just now
         way = self._routes.hear(link, peer, component, now)
         vehicle = self._vehicles.get(system_id)
         if way is None:
@@ -286,7 +310,7 @@ class MavlinkStation:
         if vehicle is None:
             return
         try:
-            vehicle.handle(message)
+            vehicle.handle(message, now)
         except Exception:  # untrusted input: a message that cannot be taken must not stop the link
             log.exception("%s: a %s could not be taken", vehicle.identity.name, message.get_type())
 
@@ -308,7 +332,7 @@ class MavlinkStation:
         if kind in TIME_STAMPED:
             if now - way.clock_read_s >= CLOCK_EVERY_S:
                 way.clock_read_s = now
-                self._clashes[system_id].clock(message.time_boot_ms * 1e-3, now, vehicle.clock.rate)
+                self._clashes[system_id].clock(message.boot_s, now, vehicle.clock.rate)
         elif kind in WAY_ANSWERS:
             way.hear(message, now)
             if way.unit is not None:

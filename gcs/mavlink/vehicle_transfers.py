@@ -8,7 +8,7 @@ import logging
 from collections.abc import AsyncIterator, Awaitable, Callable, Iterable, Sequence
 from typing import TypeVar
 
-from gcs.core.errors import GcsError, LinkError, NotFoundError, OperationCancelled, RefusedError
+from gcs.core.errors import GcsError, IncompleteError, LinkError, NotFoundError, OperationCancelled, RefusedError
 from gcs.core.frames import GeoPoint
 from gcs.core.mission import Command, Mission, MissionItem
 from gcs.core.progress import Progress
@@ -35,7 +35,7 @@ from gcs.mavlink.mission_proof import (
     upload_and_prove,
     upload_list_and_prove,
 )
-from gcs.mavlink.mission_protocol import ListUnsupportedError, MissionType
+from gcs.mavlink.mission_protocol import ListUnsupportedError, MissionType, check_places
 from gcs.mavlink.parameter_pack import PATH as PARAMETER_PACK
 from gcs.mavlink.parameter_pack import PackedParameter, decode_parameter_pack
 from gcs.mavlink.parameter_protocol import ParameterRead, ParameterReading, ParameterSet
@@ -54,6 +54,7 @@ PACK_FROM = 16
 them by name ends in silence."""
 PACK_SLOW_S = 4.0
 """A link on which that file took longer is asked for names from then on."""
+CLEARINGS = 3
 LIST_CAPABILITY = {
     MissionType.FENCE: mavlink.MAV_PROTOCOL_CAPABILITY_MISSION_FENCE,
     MissionType.RALLY: mavlink.MAV_PROTOCOL_CAPABILITY_MISSION_RALLY,
@@ -121,17 +122,28 @@ class VehicleTransfers(VehicleFiles):
             return await self._named(download(self._mission_peer(), progress, mission_type))
 
     async def clear_list(self, mission_type: MissionType) -> None:
-        """Empty one of its lists; errors as those of `upload_list`."""
+        """Empty one of its lists, and read that nothing is left: what acknowledged it may be late, and of an upload.
+
+        Raises:
+            IncompleteError: it says that it has cleared it, and still holds some of it.
+            GcsError: as those of `upload_list`.
+        """
         self._demand_list(mission_type)
-        async with self._mission_lock, self._putting(mission_type, ()):
-            clear = MissionClear(
-                *self._channel.target,
-                self._channel.send,
-                self._now,
-                mission_type,
-                own_system=self._channel.sender[0],
-            )
-            await self._named(self._channel.run(clear))
+        home_items = int(mission_type is MissionType.MISSION and self.identity.autopilot is Autopilot.ARDUPILOT)
+        async with self._mission_lock, self._remembering(mission_type), self._putting(mission_type, ()):
+            for _ in range(CLEARINGS):
+                clear = MissionClear(
+                    *self._channel.target,
+                    self._channel.send,
+                    self._now,
+                    mission_type,
+                    own_system=self._channel.sender[0],
+                )
+                await self._named(self._channel.run(clear))
+                left = len(await self._named(download(self._mission_peer(), mission_type=mission_type)))
+                if left <= home_items:
+                    return
+            raise IncompleteError(f"it still holds {left} items of its {mission_type.noun}", field=self.identity.name)
 
     def keeps_list(self, mission_type: MissionType) -> bool:
         """Whether it keeps such a list, by its capabilities and its answers; True as long as it has not said no."""
@@ -146,7 +158,12 @@ class VehicleTransfers(VehicleFiles):
 
     @contextlib.asynccontextmanager
     async def _putting(self, mission_type: MissionType, items: Sequence[MissionItem]) -> AsyncIterator[None]:
-        """It holds these items if this succeeds, and who knows what if not."""
+        """It holds these items if this succeeds, and who knows what if not; impossible ones are not sent.
+
+        Raises:
+            InputError: see `check_places`.
+        """
+        check_places(items, mission_type)
         self._lists.forget(mission_type)
         yield
         list_id = px4_plan_id(items) if self.identity.autopilot is Autopilot.PX4 else None

@@ -262,15 +262,8 @@ class FlightControlService:
             checks = self._checks(flight, plan)
             (await checks.before_start(vehicle, accepted)).demand()
             sighted = observer and await self._observers.checked(observer, flight.vehicle, recorder)
-            if flight.mode is FlightPath.MISSION:
-                held = await self.read_back(flight_id)
-                if not held.equal:
-                    recorder.change(proved=False)
-                    recorder.enter(FlightState.UPLOAD_FAILED, "the vehicle's mission changed after the upload")
-                    raise RefusedError(
-                        "the vehicle no longer holds the plan's mission: upload again", field=flight.vehicle
-                    )
-            else:
+            await self._demand_mission_held(flight)
+            if flight.mode is not FlightPath.MISSION:
                 for entry in await upload_lists(plan, vehicle):
                     recorder.notice(f"{entry.name}: {entry.how}")
             await vehicle.announce_plan(flight.plan_hash)
@@ -306,6 +299,7 @@ class FlightControlService:
         async with OneAtATime(self._busy, flight_id):
             accepted = self._accept(recorder, flight, accept)
             recorder.log("command", f"resume confirmed for {confirm}", severity=NOTICE)
+            await self._demand_mission_held(flight)
             if vehicle.pilot_in_control:
                 vehicle.take_back(confirm)
             run.cut_short = None
@@ -371,6 +365,15 @@ class FlightControlService:
         return self._database.flights.get(flight_id)
 
     # ---- inside ----
+
+    async def _demand_mission_held(self, flight: FlightRecord) -> None:
+        """Where the vehicle flies its mission, read it: only the plan's is started or gone on with."""
+        if flight.mode is FlightPath.MISSION and not (await self.read_back(flight.id)).equal:
+            if flight.state not in IN_THE_AIR:
+                self._recorder(flight.id).enter(FlightState.UPLOAD_FAILED, "its mission changed after the upload")
+            raise RefusedError(
+                "it no longer holds the plan's mission: upload again on the ground", field=flight.vehicle
+            )
 
     async def _cut_short(self, flight_id: str, action: str, state: FlightState) -> FlightRecord:
         flight, vehicle, plan = self._loaded(flight_id)

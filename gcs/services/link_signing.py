@@ -1,12 +1,17 @@
-"""Signing of links: keys made, given to vehicles, proved, kept, and used again at the next start."""
+"""Signing of links: keys made, given to vehicles, proved, kept, and used again at the next start.
+
+A key is kept before it is sent, as pending: if the answers are lost, or the station ends, the vehicle may hold it.
+The next set-up gives the vehicle the pending key, not another one; its proof makes it the link's key. Until then a link
+that is opened goes by whichever of the two keys the vehicle signs with.
+"""
 
 from __future__ import annotations
 
 import os
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from gcs.core.clock import utc_now
-from gcs.core.errors import GcsError, IncompleteError
 from gcs.mavlink.link_url import parse_link_url
 from gcs.mavlink.signing import LinkSigning, new_key
 from gcs.storage.data_directory import default_data_directory
@@ -43,38 +48,40 @@ class LinkSigningService:
             InputError: it has a key, and the passphrase is missing or wrong. It is not opened unsigned instead.
             GcsError: as of `MavlinkStation.open`.
         """
-        stored = self._keys.get(parse_link_url(url).url)
-        if stored is None:
-            return await self._station.open(url)
-        return await self._station.open(url, _signing(stored))
+        canonical = parse_link_url(url).url
+        present, pending = self._keys.get(canonical), self._keys.pending(canonical)
+        if present is not None:
+            return await self._station.open(url, _signing(present, pending))
+        if pending is not None:  # a vehicle without a key takes what is signed, too
+            return await self._station.open(url, _signing(replace(pending, rejects_unsigned=False)))
+        return await self._station.open(url)
 
     async def set_up(self, vehicle_name: str, url: str, *, rejects_unsigned: bool = True) -> SigningProof:
         """Give a disarmed vehicle a new key over a link (instead of its old one, if there is one) and prove it.
 
-        The key is kept as soon as the vehicle has it, also when it is not enforced there.
+        The key becomes the link's as soon as the vehicle is known to have it, also when it is not enforced there.
 
         Args:
-            vehicle_name: must be heard on this link, and on no other.
+            vehicle_name: must be heard on this link and on no other, and be alone on it.
             url: of the open link; the key goes over it in the clear.
             rejects_unsigned: whether packets without a signature are refused from now on.
 
         Raises:
             InputError: no passphrase to keep the key with.
-            RefusedError: the vehicle is armed, heard elsewhere, or does not take the key.
-            LinkError: it does not answer.
-            IncompleteError: it has the key, which could not be kept here.
+            RefusedError: the vehicle is armed or heard elsewhere, or another one is heard on this link.
+            LinkError: nothing shows that it took the key, which stays pending.
+            StorageError: the key could not be kept, and was not sent; or it is proved, and is still kept as pending.
         """
         self._keys.check_passphrase()
         canonical = parse_link_url(url).url
         rotated_at = None if self._keys.get(canonical) is None else utc_now()
-        stored = StoredKey(new_key(), rejects_unsigned, rotated_at)
+        pending = self._keys.pending(canonical)
+        stored = StoredKey(new_key() if pending is None else pending.key, rejects_unsigned, rotated_at)
         vehicle = self._station.vehicle(vehicle_name)
-        proof = await self._station.set_up_signing(vehicle, url, _signing(stored))
-        try:
-            self._keys.put(canonical, stored)
-        except GcsError as error:
-            words = f"the vehicle has a new key, which is lost when the station ends: {error.message}; set it up again"
-            raise IncompleteError(words, field=error.field) from error
+        proof = await self._station.set_up_signing(
+            vehicle, url, _signing(stored), lambda: self._keys.put_pending(canonical, stored)
+        )
+        self._keys.put(canonical, stored)
         return proof
 
     async def prove(self, vehicle_name: str, url: str) -> SigningProof:
@@ -92,9 +99,10 @@ class LinkSigningService:
 
         Raises:
             NotFoundError: the first link has no key.
+            ConflictError: its key is not proved.
             InputError: the passphrase is missing or wrong.
         """
-        stored = self._keys.known(parse_link_url(url).url)
+        stored = self._keys.proved(parse_link_url(url).url)
         self._keys.put(parse_link_url(other_url).url, stored)
 
     async def remove(self, vehicle_name: str, url: str) -> None:
@@ -102,7 +110,8 @@ class LinkSigningService:
 
         Raises:
             NotFoundError: the link has no key.
-            RefusedError: the vehicle is armed, or heard elsewhere.
+            ConflictError: the link is open unsigned, the vehicle is heard elsewhere, or another one on this link.
+            RefusedError: the vehicle is armed.
             LinkError: it goes on signing.
         """
         canonical = parse_link_url(url).url
@@ -111,5 +120,10 @@ class LinkSigningService:
         self._keys.delete(canonical)
 
 
-def _signing(stored: StoredKey) -> LinkSigning:
-    return LinkSigning(stored.key, rejects_unsigned=stored.rejects_unsigned, rotated_at=stored.rotated_at)
+def _signing(stored: StoredKey, pending: StoredKey | None = None) -> LinkSigning:
+    return LinkSigning(
+        stored.key,
+        rejects_unsigned=stored.rejects_unsigned,
+        rotated_at=stored.rotated_at,
+        pending=None if pending is None else pending.key,
+    )

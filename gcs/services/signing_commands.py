@@ -50,10 +50,11 @@ def export_key(url: str, file: Path, data_dir: Path | None) -> None:
 
     Raises:
         NotFoundError: the link has no key.
+        ConflictError: its key is not proved.
         InputError: the passphrase is missing or wrong.
         StorageError: the file cannot be written.
     """
-    write_key_file(file, key_store(data_dir).known(parse_link_url(url).url).key)
+    write_key_file(file, key_store(data_dir).proved(parse_link_url(url).url).key)
 
 
 @asynccontextmanager

@@ -1,4 +1,4 @@
-"""`gcs upload`, `gcs download` and `gcs clear`: the transfer of mission, fence and rally points alone."""
+"""`gcs upload`, `gcs download`, `gcs clear`, `gcs set-current`: transfer of mission, fence and rally points alone."""
 
 from __future__ import annotations
 
@@ -6,11 +6,9 @@ import math
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
-from gcs.core.errors import IncompleteError, RefusedError
+from gcs.core.errors import RefusedError
 from gcs.core.frames import GeoPoint
 from gcs.core.mission import Mission
-from gcs.core.vehicle import Autopilot
-from gcs.mavlink.mission_protocol import MissionType
 from gcs.planning.scene.point_distance import SceneDistance
 from gcs.services.fence_rally import check_lists, upload_lists
 from gcs.services.fitted_upload import upload_fitted
@@ -25,7 +23,10 @@ if TYPE_CHECKING:
     from collections.abc import Callable
     from pathlib import Path
 
+    from gcs.mavlink.mission_protocol import MissionType
+    from gcs.mavlink.vehicle import Vehicle
     from gcs.services.mission_fitting import FittedMission
+    from gcs.services.opened_link import OpenedLink
 
 VEHICLE_TIMEOUT_S = 30.0
 
@@ -120,13 +121,33 @@ async def clear_list(url: str, name: str, mission_type: MissionType, data_dir: P
         LinkError: nobody answers, or the link was lost.
     """
     async with opened_link(url, data_dir, VEHICLE_TIMEOUT_S) as link:
-        vehicle = link.station.vehicle(name)
-        await vehicle.until(lambda: vehicle.telemetry.armed is not None, VEHICLE_TIMEOUT_S, "its state")
-        armed = vehicle.telemetry.armed
-        if armed is None or armed.value:
-            raise RefusedError("lists are cleared on a vehicle that is disarmed", field=vehicle.identity.name)
-        await vehicle.clear_list(mission_type)
-        left = len(await vehicle.download_list(mission_type))
-    home_items = int(mission_type is MissionType.MISSION and vehicle.identity.autopilot is Autopilot.ARDUPILOT)
-    if left > home_items:
-        raise IncompleteError(f"it still holds {left} items of its {mission_type.noun}", field=vehicle.identity.name)
+        await (await _disarmed(link, name, "lists are cleared")).clear_list(mission_type)
+
+
+async def set_current(url: str, name: str, item: int, data_dir: Path | None = None) -> None:
+    """Make an item of a disarmed vehicle's mission the current one, and see that it tells so.
+
+    In flight it would leave the path that was checked, and jump. A start by the station is from the first item anyhow.
+
+    Args:
+        url: of the link.
+        name: of the vehicle, or its system id.
+        item: its number in the mission, from 0.
+        data_dir: where the link's key is kept, if it is signed.
+
+    Raises:
+        NotFoundError: another vehicle answers.
+        RefusedError: the vehicle is armed.
+        LinkError: nobody answers, or it does not tell that item: it may have none of that number.
+    """
+    async with opened_link(url, data_dir, VEHICLE_TIMEOUT_S) as link:
+        await (await _disarmed(link, name, "the current item is set")).set_current(item)
+
+
+async def _disarmed(link: OpenedLink, name: str, what: str) -> Vehicle:
+    vehicle = link.station.vehicle(name)
+    await vehicle.until(lambda: vehicle.telemetry.armed is not None, VEHICLE_TIMEOUT_S, "its state")
+    armed = vehicle.telemetry.armed
+    if armed is None or armed.value:
+        raise RefusedError(f"{what} on a vehicle that is disarmed", field=vehicle.identity.name)
+    return vehicle

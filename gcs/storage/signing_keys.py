@@ -2,6 +2,8 @@
 
 It is encrypted (Fernet: AES-128-CBC with HMAC-SHA-256) under a key that scrypt makes of the operator's passphrase,
 which is never stored. Whoever has the file without the passphrase has nothing; whoever has both has all keys.
+
+A key that was sent to a vehicle and is not proved to have been taken is kept as pending beside the link's present one.
 """
 
 from __future__ import annotations
@@ -12,7 +14,7 @@ import os
 from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING
 
-from gcs.core.errors import InputError, NotFoundError, StorageError
+from gcs.core.errors import ConflictError, InputError, NotFoundError, StorageError
 from gcs.storage.atomic_files import write_file
 from gcs.storage.data_directory import make_data_directory
 
@@ -26,6 +28,8 @@ PASSPHRASE_VARIABLE = "GCS_KEY"
 SHORTEST_PASSPHRASE = 8
 _COST, _BLOCK, _PARALLEL = 2**15, 8, 1
 _SALT_BYTES = 16
+_PENDING = "pending "
+"""Before the URL: no URL begins like it."""
 
 
 @dataclass(frozen=True)
@@ -68,28 +72,54 @@ class SigningKeyStore:
         return self._read().get(url)
 
     def known(self, url: str) -> StoredKey:
-        """The key of a link that must have one.
+        """The key of a link that must have one: its present one, else its pending one.
 
         Raises:
             NotFoundError: it is not signed.
             GcsError: as of `get`.
         """
-        stored = self.get(url)
+        keys = self._read()
+        stored = keys.get(url) or keys.get(_PENDING + url)
         if stored is None:
             raise NotFoundError("this link is not signed", field=url)
         return stored
 
+    def proved(self, url: str) -> StoredKey:
+        """The key of a link whose vehicle is known to hold it.
+
+        Raises:
+            NotFoundError: it is not signed.
+            ConflictError: it has a pending key.
+            GcsError: as of `get`.
+        """
+        stored = self.known(url)
+        if self.pending(url) is not None:
+            words = "nothing shows which key the vehicle holds, the present or the new one: set signing up again first"
+            raise ConflictError(words, field=url)
+        return stored
+
     def urls(self) -> tuple[str, ...]:
         """The links that are signed; errors as of `get`."""
-        return tuple(self._read())
+        return tuple(dict.fromkeys(url.removeprefix(_PENDING) for url in self._read()))
+
+    def pending(self, url: str) -> StoredKey | None:
+        """The key that the vehicle on a link may have taken; errors as of `get`."""
+        return self._read().get(_PENDING + url)
 
     def put(self, url: str, stored: StoredKey) -> None:
-        """Keep a link's key; errors as of `get`."""
-        self._write({**self._read(), url: stored})
+        """Keep a link's key, in place of its present and its pending one; errors as of `get`."""
+        self._write({**self._others(url), url: stored})
+
+    def put_pending(self, url: str, stored: StoredKey) -> None:
+        """Keep a key beside the present one of a link; errors as of `get`."""
+        self._write({**self._read(), _PENDING + url: stored})
 
     def delete(self, url: str) -> None:
-        """Forget a link's key; errors as of `get`."""
-        self._write({other: stored for other, stored in self._read().items() if other != url})
+        """Forget a link's keys; errors as of `get`."""
+        self._write(self._others(url))
+
+    def _others(self, url: str) -> dict[str, StoredKey]:
+        return {other: stored for other, stored in self._read().items() if other.removeprefix(_PENDING) != url}
 
     def check_passphrase(self) -> None:
         """See that a key could be kept, before a vehicle is given one.

@@ -95,19 +95,68 @@ def test_a_doubled_packet_does_not_fill_a_hole(make_camera):
     assert (got.data, got.passes) == (rig.vehicle.newest, 2)
 
 
-def test_a_newer_picture_of_the_same_size_is_never_mixed_with_the_older(make_camera):
-    rig = make_camera(loss=0.1)
-    older, newer = picture(60_000, 1), picture(60_000, 2)
-    rig.vehicle.newest = older
-    hear = rig.vehicle.hear
+PAYLOAD, PACKETS = 200, 40
+HEAD = b"\xff\xd8\xff" + bytes(2 * PAYLOAD - 3)
+OLD, NEW = (HEAD + bytes([each]) * (PAYLOAD * (PACKETS - 2)) for each in b"AB")
 
-    def take_another(message):
-        hear(message)
-        if rig.vehicle.requests >= 1:
-            rig.vehicle.newest = newer
 
-    rig.vehicle.hear = take_another
-    assert receive(rig).data == newer
+def after_passes(*passes):
+    """The request after passes that brought these packets of pictures of one size."""
+    now = [0.0]
+    request = RequestImage((1, 100), lambda _: None, lambda: now[0])
+
+    def say(message):
+        message._header.srcSystem, message._header.srcComponent = 1, 100
+        request.handle(message)
+
+    request.start()
+    for sent, numbers in passes:
+        assert request.step is TransmissionStep.ASK
+        say(mavlink.MAVLink_data_transmission_handshake_message(0, len(sent), 1, 1, PACKETS, PAYLOAD, 1))
+        for n in numbers:
+            say(mavlink.MAVLink_encapsulated_data_message(n, list(sent[n * PAYLOAD : (n + 1) * PAYLOAD].ljust(253))))
+        while request.step is TransmissionStep.PASS:
+            now[0] = request.deadline
+            request.on_time()
+    return request
+
+
+EVEN, ODD, ALL = range(0, PACKETS, 2), range(1, PACKETS, 2), range(PACKETS)
+
+
+@pytest.mark.parametrize(
+    ("first", "second"),
+    [
+        (range(20), [0, 1, *range(20, 40)]),  # the same head, and each the half that the other lacks
+        ([0, 1, *range(20, 40)], range(20)),
+        ([0, 1, 2, 3, *range(4, 40, 2)], [*range(4), *range(5, 40, 2)]),
+        (range(39), ALL[1:]),
+        ([0, 1, *range(4, 40)], [0, 1, 2, 3]),  # half of what came is the same head
+    ],
+)
+def test_a_newer_picture_of_the_same_size_is_never_mixed_with_the_older(first, second):
+    request = after_passes((OLD, first), (NEW, second))
+    assert not request.finished
+    request = after_passes((OLD, first), (NEW, second), (NEW, ALL))
+    assert request.result().data == NEW
+
+
+def test_a_few_rows_that_are_the_same_do_not_join_two_pictures():
+    black = bytes(PAYLOAD)
+    old, new = OLD[:-PAYLOAD] + black, NEW[:-PAYLOAD] + black
+    request = after_passes((old, [*range(20), 39]), (new, [0, 1, *range(20, 40)]), (new, ALL))
+    assert request.result().data == new
+
+
+@pytest.mark.parametrize("lost", [[39], [0], [7, 39], [38, 39], ODD[15:]])
+def test_passes_of_one_picture_are_put_together(lost):
+    came = [n for n in ALL if n not in lost]
+    request = after_passes((OLD, came), (OLD, [n for n in ALL if n != 20]))
+    assert (request.result().data, request.result().passes) == (OLD, 2)
+
+
+def test_passes_without_anything_in_common_are_not_put_together():
+    assert not after_passes((OLD, EVEN), (OLD, ODD)).finished
 
 
 def test_a_newer_picture_of_another_size_begins_anew(make_camera):

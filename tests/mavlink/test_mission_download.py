@@ -257,3 +257,15 @@ def test_clear_without_an_answer_says_unknown(loaded):
     rig.drive(clear)
     with pytest.raises(LinkError, match="unknown"):
         clear.result()
+
+
+def test_a_clearing_that_is_cancelled_is_of_unknown_outcome_and_sends_no_more(loaded):
+    rig = loaded("px4")
+    clear = MissionClear(1, 1, rig.send, rig.clock)
+    clear.start()
+    sent = rig.up.sent
+    clear.cancel()
+    clear.on_time()
+    assert rig.up.sent == sent
+    with pytest.raises(OperationCancelled, match="whether it happened is unknown"):
+        clear.result()

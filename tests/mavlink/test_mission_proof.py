@@ -355,7 +355,7 @@ async def test_what_the_vehicle_says_of_its_room_is_heard(make_rig):
 
 
 async def test_px4_does_not_say_how_much_room_it_has(make_rig):
-    with pytest.raises(NoRoomError, match="500 to 700") as caught:
+    with pytest.raises(NoRoomError, match="20 items; usual boards store 500 to 700: split the plan") as caught:
         await prove(make_rig("px4", max_items=10), "px4")
     assert caught.value.capacity is None
 
@@ -388,6 +388,53 @@ async def test_unsupported_command_names_the_item(make_rig, kind):
     rig = make_rig(kind)
     rig.vehicle.unsupported = {93}
     with pytest.raises(RefusedError, match=r"item 3, command 93"):
+        await prove(rig, kind)
+
+
+def breaks_off(vehicle, result, times, at_item=3):
+    """The vehicle answers an item by dropping the transfer with this result, so often."""
+    left = [times]
+
+    def breaks(message):
+        if message.get_type() != "MISSION_ITEM_INT" or message.seq != at_item or left[0] == 0:
+            return False
+        left[0] -= 1
+        vehicle.idle()
+        vehicle.ack(result)
+        return True
+
+    return breaks
+
+
+@pytest.mark.parametrize("kind", DIALECTS)
+@pytest.mark.parametrize(
+    ("result", "words"),
+    [
+        (2, r"it does not know the altitude frame \(item 3, command 93\)"),
+        (10, r"the latitude \(or param5\) is invalid \(item 3, command 93\)"),
+        (11, r"the longitude \(or param6\) is invalid \(item 3"),
+    ],
+)
+async def test_what_is_wrong_with_an_item_is_said_in_words(make_rig, kind, result, words):
+    rig = make_rig(kind)
+    rig.vehicle.ignore_in = breaks_off(rig.vehicle, result, times=1)
+    with pytest.raises(RefusedError, match=words):
+        await prove(rig, kind)
+
+
+@pytest.mark.parametrize("kind", DIALECTS)
+async def test_a_vehicle_that_cancels_an_upload_is_sent_it_anew(make_rig, kind):
+    rig = make_rig(kind)
+    rig.vehicle.ignore_in = breaks_off(rig.vehicle, 15, times=2)
+    await prove(rig, kind)
+    assert truly_held(rig, kind, mission(kind))
+
+
+@pytest.mark.parametrize("kind", DIALECTS)
+async def test_a_vehicle_that_always_cancels_is_given_up(make_rig, kind):
+    rig = make_rig(kind)
+    rig.vehicle.ignore_in = breaks_off(rig.vehicle, 15, times=1000)
+    with pytest.raises(GcsError, match="again and again: it cancelled the transfer"):
         await prove(rig, kind)
 
 

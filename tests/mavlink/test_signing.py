@@ -115,3 +115,14 @@ def test_each_sender_has_its_own_time():
     ahead, behind = codec_with(KEY, now=NOW + 5, system_id=1), codec_with(KEY, now=NOW, system_id=2)
     assert signing.admits(said(ahead))
     assert signing.admits(said(behind))
+
+
+def test_a_packet_signed_with_the_pending_key_shows_that_it_is_the_key_for_good():
+    present, pending = new_key(), new_key()
+    signing, recorded = LinkSigning(present, wall=Wall(), pending=pending), said(codec_with(present))
+    assert not signing.admits(said(codec_with(new_key())))
+    assert signing.admits(said(codec_with(present)))
+    assert signing.key == present
+    assert signing.admits(said(codec_with(pending, now=NOW + 1)))
+    assert (signing.key, signing.pending) == (pending, None)
+    assert signing.judge(recorded) is Verdict.WRONG_KEY

@@ -155,6 +155,22 @@ async def test_setpoints_are_followed_on_the_vehicles_clock_and_hold_in_the_end(
         assert not vehicle.pilot_in_control
 
 
+@pytest.mark.parametrize("kind", ["px4", "ardupilot"])
+async def test_a_stream_that_is_handed_over_to_the_mission_sends_no_further_setpoint(kind):
+    async with simulated(kind) as (vehicle, door):
+        await vehicle.upload_mission(small_mission(kind))
+        session = await hover(vehicle)
+        await vehicle.resume_mission()
+        assert session.end[0] is OffboardEnd.COMMANDED
+        await asyncio.sleep(0.2)
+        heard = door("state")["setpoints"]
+        await asyncio.sleep(0.5)
+        assert door("state")["setpoints"] == heard
+        assert vehicle.telemetry.mode.value is FlightMode.MISSION
+        assert not vehicle.pilot_in_control
+        await vehicle.land()
+
+
 @pytest.mark.parametrize(("kind", "switch"), [("px4", "POSCTL"), ("px4", "AUTO.LOITER"), ("ardupilot", "LOITER")])
 async def test_after_the_pilots_switch_the_vehicle_gets_no_further_setpoint(kind, switch):
     async with simulated(kind) as (vehicle, door):

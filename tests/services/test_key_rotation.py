@@ -18,7 +18,8 @@ class TrustingStation:
     def vehicle(self, name):
         return SimpleNamespace(name=name)
 
-    async def set_up_signing(self, vehicle, url, signing):
+    async def set_up_signing(self, vehicle, url, signing, keep):
+        keep()
         self.signing = signing
         return SigningProof(3, 0)
 

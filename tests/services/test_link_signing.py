@@ -7,11 +7,13 @@ import sys
 
 import pytest
 
-from gcs.core.errors import InputError, NotFoundError
+from gcs.core.errors import InputError, LinkError, NotFoundError
+from gcs.mavlink import signing_setup
+from gcs.mavlink.signing import LinkSigning, Verdict
 from gcs.mavlink.station import MavlinkStation
 from gcs.services.link_signing import LinkSigningService, key_store
 from gcs.services.signing_commands import give_key, prove_key, share_key, take_key_back
-from gcs.storage.signing_keys import StoredKey
+from gcs.storage.signing_keys import SigningKeyStore, StoredKey
 
 pytestmark = pytest.mark.system
 
@@ -33,7 +35,7 @@ async def simulated(port, autopilot="px4", tcp_port="none"):
         yield
     finally:
         process.terminate()
-        await asyncio.wait_for(process.wait(), 10.0)
+        await asyncio.wait_for(process.wait(), 60.0)
 
 
 async def test_a_key_is_given_kept_used_at_the_next_start_and_taken_back(tmp_path, monkeypatch):
@@ -55,6 +57,46 @@ async def test_a_key_is_given_kept_used_at_the_next_start_and_taken_back(tmp_pat
         monkeypatch.setenv("GCS_KEY", "correct horse")
         await take_key_back(url, "px4-1", tmp_path)
         assert key_store(tmp_path).urls() == ()
+
+
+@pytest.mark.parametrize("rotated", [False, True])
+async def test_a_key_whose_answers_were_lost_reaches_the_vehicle_at_the_next_start(tmp_path, monkeypatch, rotated):
+    monkeypatch.setenv("GCS_KEY", "correct horse")
+    url, keys = f"udpin:127.0.0.1:{free_port()}", key_store(tmp_path)
+    async with simulated(int(url.rsplit(":", 1)[1])):
+        if rotated:
+            assert (await give_key(url, "px4-1", tmp_path, rejects_unsigned=True)).proved
+        present = keys.get(url)
+        with monkeypatch.context() as patch:
+            patch.setattr(signing_setup, "TELL_S", 0.02)
+            lose_what_is_signed_with_a_pending_key(patch)
+            with pytest.raises(LinkError, match="the new key is kept"):
+                await give_key(url, "px4-1", tmp_path, rejects_unsigned=True)
+        pending = keys.pending(url)
+        assert keys.get(url) == present
+        assert present is None or present.key != pending.key
+        station = MavlinkStation()
+        await LinkSigningService(station, key_store(tmp_path)).open(url)
+        vehicle = await station.wait_for_vehicle(30.0)
+        assert await vehicle.read_failsafes()
+        await station.close_all()
+        assert (await give_key(url, "px4-1", tmp_path, rejects_unsigned=True)).proved
+        assert keys.get(url).key == pending.key
+        assert keys.pending(url) is None
+
+
+def lose_what_is_signed_with_a_pending_key(patch):
+    admits, put_pending, kept = LinkSigning.admits, SigningKeyStore.put_pending, []
+
+    def note(keys, url, stored):
+        kept.append(LinkSigning(stored.key))
+        put_pending(keys, url, stored)
+
+    def admits_others(signing, message):
+        return not any(key.judge(message) is Verdict.GOOD for key in kept) and admits(signing, message)
+
+    patch.setattr(SigningKeyStore, "put_pending", note)
+    patch.setattr(LinkSigning, "admits", admits_others)
 
 
 async def test_without_a_passphrase_no_vehicle_is_given_a_key(tmp_path, monkeypatch):

@@ -16,7 +16,7 @@ from gcs.services.mission_files import mission_of_plan
 from gcs.services.opened_link import opened_link
 from gcs.services.signing_commands import give_key
 from gcs.services.simulation import Simulator, SimulatorOptions
-from gcs.services.transfer_commands import clear_list, download_mission, upload_plan
+from gcs.services.transfer_commands import clear_list, download_mission, set_current, upload_plan
 from gcs.storage.plan_files import read_plan
 
 
@@ -153,15 +153,32 @@ async def test_a_link_with_a_key_is_signed_for_transfers_too(vehicle, box_plan, 
 
 
 @pytest.mark.system
-async def test_lists_of_an_armed_vehicle_are_not_cleared(vehicle, box_plan):
+async def test_lists_of_an_armed_vehicle_are_not_cleared_and_its_current_item_is_not_set(vehicle, box_plan):
     url = vehicle("px4")
     await upload_plan(box_plan, url, lambda line: None)
     async with opened_link(url, None, 30.0) as link:
         await link.vehicle.until(lambda: link.vehicle.telemetry.ready_to_arm is not None, 30.0, "its checks")
         await link.vehicle.arm()
         await link.vehicle.until(lambda: link.vehicle.telemetry.armed.value, 30.0, "it to arm")
-    with pytest.raises(RefusedError, match="disarmed"):
+    with pytest.raises(RefusedError, match="lists are cleared on a vehicle that is disarmed"):
         await clear_list(url, "px4-1", MissionType.MISSION)
+    with pytest.raises(RefusedError, match="the current item is set on a vehicle that is disarmed"):
+        await set_current(url, "px4-1", 2)
+
+
+@pytest.mark.system
+@pytest.mark.parametrize("kind", ["px4", "ardupilot"])
+async def test_the_current_item_is_set_and_told(vehicle, box_plan, kind):
+    url = vehicle(kind, "--loss", "0.1")
+    await upload_plan(box_plan, url, lambda line: None)
+    await set_current(url, f"{kind}-1", 3)
+    async with opened_link(url, None, 30.0) as link:
+        await link.vehicle.until(lambda: link.vehicle.telemetry.mission is not None, 30.0, "its mission")
+        assert link.vehicle.telemetry.mission.value.current == 3
+    with pytest.raises(NotFoundError, match=f"heard so far: {kind}-1"):
+        await set_current(url, "px4-7", 3)
+    with pytest.raises(LinkError, match="item 500"):
+        await set_current(url, f"{kind}-1", 500)
 
 
 async def test_nobody_answers(box_plan, monkeypatch):

@@ -33,7 +33,7 @@ class Process:
 
     def ask(self, line):
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as s:
-            s.settimeout(20.0)
+            s.settimeout(120.0)
             s.sendto(line.encode(), ("127.0.0.1", self.control))
             return json.loads(s.recv(65535))
 
@@ -52,7 +52,7 @@ def test_says_when_it_is_ready_and_ends_cleanly():
         assert sim.lines[1].startswith("vehicle 6 ardupilot ready:")
         assert sim.ask("6 state")["system_id"] == 6
         sim.process.send_signal(signal.SIGTERM)
-        assert sim.process.wait(20.0) == 0
+        assert sim.process.wait(120.0) == 0
 
 
 def test_ends_with_the_process_that_started_it():

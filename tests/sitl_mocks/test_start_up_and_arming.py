@@ -148,6 +148,11 @@ def test_disarming_in_the_air_is_refused(either):
     assert either.vehicle.armed
 
 
+def test_px4_tells_what_it_can_do(px4):
+    assert px4.command(M.MAV_CMD_REQUEST_MESSAGE, M.MAVLINK_MSG_ID_AUTOPILOT_VERSION) == [0]
+    assert px4.of("AUTOPILOT_VERSION")[0].capabilities == 0xE8FF
+
+
 def test_version_and_references(make_ground):
     g = make_ground("ardupilot", uid=bytes.fromhex("00112233445566778899"))
     assert g.command(M.MAV_CMD_REQUEST_MESSAGE, M.MAVLINK_MSG_ID_AUTOPILOT_VERSION) == [0]

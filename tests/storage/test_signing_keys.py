@@ -2,7 +2,7 @@ import os
 
 import pytest
 
-from gcs.core.errors import InputError, StorageError
+from gcs.core.errors import ConflictError, InputError, StorageError
 from gcs.storage.signing_keys import FILE, SigningKeyStore, StoredKey
 
 URL, OTHER = "udpin:0.0.0.0:14550", "serial:/dev/ttyUSB0:57600"
@@ -58,3 +58,23 @@ def test_keys_that_were_kept_before_rotations_were_noted_are_still_read(tmp_path
     monkeypatch.setattr("gcs.storage.signing_keys.asdict", lambda each: {"rejects_unsigned": each.rejects_unsigned})
     SigningKeyStore(tmp_path, PASSPHRASE).put(URL, StoredKey(bytes(32), True, "2026-11-22T10:00:00Z"))
     assert SigningKeyStore(tmp_path, PASSPHRASE).get(URL) == StoredKey(bytes(32), True, None)
+
+
+def test_a_pending_key_is_kept_beside_the_present_one_until_one_is_proved(tmp_path):
+    keys, present, pending = (
+        SigningKeyStore(tmp_path, "correct horse"),
+        *(StoredKey(bytes([k]) * 32, True) for k in (1, 2)),
+    )
+    keys.put_pending("tcp:a:1", pending)
+    assert (keys.get("tcp:a:1"), keys.known("tcp:a:1"), keys.urls()) == (None, pending, ("tcp:a:1",))
+    keys.put("tcp:b:1", present)
+    keys.put_pending("tcp:b:1", pending)
+    assert (keys.get("tcp:b:1"), keys.known("tcp:b:1"), keys.pending("tcp:b:1")) == (present, present, pending)
+    assert sorted(keys.urls()) == ["tcp:a:1", "tcp:b:1"]
+    for url in keys.urls():
+        with pytest.raises(ConflictError, match="set signing up again"):
+            keys.proved(url)
+    keys.put("tcp:b:1", pending)
+    assert (keys.proved("tcp:b:1"), keys.pending("tcp:b:1"), keys.pending("tcp:a:1")) == (pending, None, pending)
+    keys.delete("tcp:a:1")
+    assert keys.urls() == ("tcp:b:1",)

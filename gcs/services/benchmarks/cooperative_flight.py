@@ -183,7 +183,7 @@ class Flight:
         self.now_s, packets = await Order("pass", self._number, until_s, outbox)
         for packet in packets:
             for message in FrameParser().feed(bytes.fromhex(packet)):
-                self._vehicles[message.get_srcSystem()].handle(message)
+                self._vehicles[message.get_srcSystem()].handle(message, self.now_s)
                 if self._positioning is not None:
                     self._positioning.watch()
                     if message.get_srcSystem() == OBSERVER:
