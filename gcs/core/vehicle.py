@@ -63,7 +63,7 @@ class MissionState(Enum):
     COMPLETE = 5
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class Heard(Generic[T]):
     """A value and the station's monotonic time (s) at which it was heard."""
 
@@ -122,7 +122,7 @@ class Telemetry:
     ready_to_arm: Heard[bool] | None = None
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class VehicleIdentity:
     """Who a vehicle is.
 

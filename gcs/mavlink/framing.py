@@ -36,6 +36,8 @@ class FrameParser:
         unknown_messages: frames of message numbers that the dialect lacks.
     """
 
+    __slots__ = ("_rest", "bad_bytes", "unknown_messages")
+
     def __init__(self) -> None:
         self._rest = b""
         self.bad_bytes = 0

@@ -47,8 +47,10 @@ class Peer:
         outlet: tells where the packets go now; None while the link is down.
         link_id: in the signatures of what is sent.
         name: address, for people.
-        heard_at: station time of its last good message; None when it was never heard.
+        heard_at: station time of its last good message; minus infinity when it was never heard.
     """
+
+    __slots__ = ("_lock", "_packer", "_signing", "_write", "heard_at", "link_id", "name", "outlet", "parser")
 
     def __init__(
         self,
@@ -62,7 +64,7 @@ class Peer:
         self.name = name
         self.link_id = link_id
         self.outlet = outlet
-        self.heard_at: float | None = None
+        self.heard_at = float("-inf")
         self.parser = FrameParser()
         self._write = write
         self._packer = packer

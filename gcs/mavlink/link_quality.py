@@ -10,7 +10,8 @@ WINDOW_S = 10.0
 SLICE_S = 0.5
 RESTART_GAP = 128
 QUESTIONS_OPEN = 16
-ROUND_TRIPS_KEPT = 32
+ROUND_TRIPS_KEPT = 16
+"""A question is asked once a second, so these are more than a window has."""
 
 
 @dataclass(frozen=True)
@@ -31,10 +32,15 @@ class LinkQuality:
 class SequenceMeter:
     """Counts messages and gaps of any number of senders; every component numbers its messages itself, modulo 256."""
 
+    __slots__ = ("_heard", "_lost", "_next", "_since_s", "_slices")
+
     def __init__(self) -> None:
         self._next: dict[int, int] = {}
-        self._slices: deque[_Slice] = deque()
-        self._newest = _Slice(float("-inf"))
+        self._heard = 0
+        self._lost = 0
+        self._since_s = float("-inf")
+        self._slices: deque[tuple[float, int, int]] = deque()
+        """When the slices of the window began (`_since_s`: the newest), and the counts of heard and lost until then."""
 
     def count(self, component_id: int, sequence: int, now_s: float) -> None:
         """Take the sequence number of a message.
@@ -42,15 +48,15 @@ class SequenceMeter:
         A message that comes twice or late (a gap of more than half the circle) counts as heard and ends no gap.
         """
         gap = (sequence - self._next.get(component_id, sequence)) % 256
+        if now_s - self._since_s >= SLICE_S:
+            self._since_s = now_s
+            self._slices.append((now_s, self._heard, self._lost))
+            self._forget(now_s)
+        self._heard += 1
         if gap < RESTART_GAP:
             self._next[component_id] = sequence + 1
-        else:
-            gap = 0
-        newest = self._newest
-        if now_s - newest.since_s >= SLICE_S:
-            newest = self._begin_slice(now_s)
-        newest.heard += 1
-        newest.lost += gap
+            if gap:
+                self._lost += gap
 
     def restart(self) -> None:
         """The messages come another way from now on, on which they have other numbers."""
@@ -59,30 +65,15 @@ class SequenceMeter:
     def quality(self, now_s: float) -> LinkQuality:
         """The quality over the window that ends now."""
         self._forget(now_s)
-        heard, lost = sum(each.heard for each in self._slices), sum(each.lost for each in self._slices)
-        if heard == 0:
+        if not self._slices:
             return LinkQuality(0.0, None)
-        span = max(now_s - self._slices[0].since_s, 1.0)
-        return LinkQuality(heard / span, lost / (heard + lost))
-
-    def _begin_slice(self, now_s: float) -> _Slice:
-        self._newest = _Slice(now_s)
-        self._slices.append(self._newest)
-        self._forget(now_s)
-        return self._newest
+        since_s, heard_before, lost_before = self._slices[0]
+        heard, lost = self._heard - heard_before, self._lost - lost_before
+        return LinkQuality(heard / max(now_s - since_s, 1.0), lost / (heard + lost))
 
     def _forget(self, now_s: float) -> None:
-        while self._slices and self._slices[0].since_s < now_s - WINDOW_S:
+        while self._slices and self._slices[0][0] < now_s - WINDOW_S:
             self._slices.popleft()
-
-
-@dataclass(slots=True)
-class _Slice:
-    """What was heard in half a second; counts of slices instead of single messages keep a flood small."""
-
-    since_s: float
-    heard: int = 0
-    lost: int = 0
 
 
 class RoundTripMeter:

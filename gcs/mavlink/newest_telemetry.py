@@ -38,12 +38,15 @@ class NewestTelemetry:
         decoder: of its messages.
     """
 
+    __slots__ = ("_changes", "_decoder", "_telemetry", "_waiting")
+    _lock = threading.Lock()
+    """One for all vehicles, as it is never held for long."""
+
     def __init__(self, decoder: TelemetryDecoder) -> None:
         self._decoder = decoder
         self._telemetry = Telemetry()
         self._changes: Changes = {}
         self._waiting: dict[tuple[str, int], tuple[Reader, Message, float]] = {}
-        self._lock = threading.Lock()
 
     def take(self, message: Message, now_s: float, *, from_autopilot: bool) -> bool:
         """Take a message; returns whether it can say anything of use."""

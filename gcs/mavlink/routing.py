@@ -80,6 +80,19 @@ def unit_number(version: Message) -> str | None:
 class Way:
     """One way to a component, with what is known of its quality."""
 
+    __slots__ = (
+        "better_since_s",
+        "clock_read_s",
+        "heard_s",
+        "link",
+        "meter",
+        "number",
+        "peer",
+        "round_trips",
+        "unit",
+        "unit_asked",
+    )
+
     def __init__(self, link: Link, peer: Peer, heard_s: float) -> None:
         self.link = link
         self.peer = peer
@@ -163,7 +176,7 @@ class Routes:
 
     def __init__(self, on_change: Callable[[Component, Way], None]) -> None:
         self._on_change = on_change
-        self._ways: dict[Component, list[Way]] = {}
+        self._ways: dict[Component, tuple[Way, ...]] = {}
         self._heard: dict[Component, _Heard] = {}
         self._same: dict[int, deque[float]] = {}
 
@@ -174,7 +187,7 @@ class Routes:
 
     def ways(self, component: Component) -> tuple[Way, ...]:
         """All ways to a component, the best one first."""
-        return tuple(self._ways.get(component, ()))
+        return self._ways.get(component, ())
 
     def heard(self, peer: Peer) -> bool:
         """Whether the best way of any component leads to a peer."""
@@ -186,20 +199,19 @@ class Routes:
         None when the link may not speak for it: an unsigned one may not, where the component is heard on a signed one;
         and nobody new may, while there are too many.
         """
-        ways = self._ways.get(component)
-        if ways is not None and ways[0].peer is peer:
+        ways = self._ways.get(component, ())
+        if ways and ways[0].peer is peer:
             ways[0].heard_s = now_s
             return ways[0]
-        if ways is None:
+        if not ways:
             if len(self._ways) >= MAX_COMPONENTS and not self._make_room(now_s):
                 return None
-            ways = self._ways[component] = []
         elif link.signing is None and ways[0].link.signing is not None:
             return None
         way = next((way for way in ways if way.peer is peer), None)
         if way is None:
             way = Way(link, peer, now_s)
-            ways.append(way)
+            self._ways[component] = (*ways, way)
         way.heard_s = now_s
         return way
 
@@ -219,7 +231,7 @@ class Routes:
             return False
         if way is not ways[0] and now_s - ways[0].heard_s > SILENT_S:
             self._prefer(component, way)
-        taken = way is ways[0] or self.carry_the_same(component[0], now_s)
+        taken = way is self._ways[component][0] or self.carry_the_same(component[0], now_s)
         heard.keep(sequence, content, now_s, way.peer, taken=taken)
         return taken
 
@@ -244,11 +256,13 @@ class Routes:
         for component, ways in list(self._ways.items()):
             if len(ways) == 1:
                 continue
-            ways[1:] = [way for way in ways[1:] if now_s - way.heard_s < FORGOTTEN_S]
-            if len(ways) == 1:
+            best, *others = ways
+            others = [way for way in others if now_s - way.heard_s < FORGOTTEN_S]
+            self._ways[component] = (best, *others)
+            if not others:
                 self._heard.pop(component, None)
-            for way in ways[1:]:
-                if way.exchange_s(now_s) > CLEARLY * ways[0].exchange_s(now_s) - MARGIN_S:
+            for way in others:
+                if way.exchange_s(now_s) > CLEARLY * best.exchange_s(now_s) - MARGIN_S:
                     way.better_since_s = None
                 elif way.better_since_s is None:
                     way.better_since_s = now_s
@@ -259,7 +273,7 @@ class Routes:
     def drop(self, gone: Callable[[Way], bool]) -> None:
         """Forget ways, of a link that was closed, or that are not to be used."""
         for component, ways in list(self._ways.items()):
-            left = [way for way in ways if not gone(way)]
+            left = tuple(way for way in ways if not gone(way))
             if not left:
                 self._forget(component)
                 continue
@@ -279,9 +293,7 @@ class Routes:
         self._heard.pop(component, None)
 
     def _prefer(self, component: Component, way: Way) -> None:
-        ways = self._ways[component]
-        ways.remove(way)
-        ways.insert(0, way)
+        ways = self._ways[component] = (way, *(other for other in self._ways[component] if other is not way))
         for each in ways:
             each.better_since_s = None
         self._on_change(component, way)

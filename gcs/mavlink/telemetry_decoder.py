@@ -44,10 +44,10 @@ def _enu(north: float, east: float, down: float) -> NDArray[np.float64]:
 
 
 class TelemetryDecoder:
-    """Folds messages of one vehicle into its telemetry.
+    """Folds messages of vehicles into their telemetry. It holds no state.
 
     Args:
-        stack: the vehicle's flight stack, which reads mode numbers.
+        stack: the vehicles' flight stack, which reads mode numbers.
     """
 
     def __init__(self, stack: FlightStack) -> None:

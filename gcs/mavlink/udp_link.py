@@ -38,6 +38,7 @@ class UdpLink(Link):
         self._closing = threading.Lock()
         self._peers: dict[SocketAddress, Peer] = {}
         self._remote: SocketAddress | None = None
+        self._buffer = memoryview(bytearray(DATAGRAM_SIZE))
         self._datagrams = 0
         self._counted_from_s = clock()
         self._pause_s = 0.0
@@ -119,12 +120,12 @@ class UdpLink(Link):
             if self._socket is None:
                 return
             try:
-                data, where = self._socket.recvfrom(DATAGRAM_SIZE)
+                size, where = self._socket.recvfrom_into(self._buffer)
             except OSError:
                 self._let_gather(self._socket)
                 return
             self._datagrams += 1
-            self._datagram(data, where)
+            self._datagram(bytes(self._buffer[:size]), where)
 
     def _let_gather(self, sock: socket.socket) -> None:
         """There is nothing more to read just now: look away for a while, when there soon will be much."""
@@ -162,4 +163,4 @@ class UdpLink(Link):
 
     @staticmethod
     def _silent(peer: Peer, now: float) -> bool:
-        return peer.heard_at is not None and now - peer.heard_at > PEER_FORGOTTEN_S
+        return now - peer.heard_at > PEER_FORGOTTEN_S

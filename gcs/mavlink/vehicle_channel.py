@@ -5,8 +5,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 from collections import deque
-from collections.abc import AsyncIterator, Callable
-from contextlib import AbstractAsyncContextManager
+from collections.abc import AsyncIterator, Callable, Iterator
 from typing import Any, TypeVar
 
 from gcs.core.errors import LinkError, RefusedError
@@ -83,6 +82,8 @@ class VehicleChannel:
         peer: tells whom messages to the autopilot go to now, None when there is no way to it; safe from any thread.
     """
 
+    __slots__ = ("_listeners", "clock", "peer", "refusal", "send", "sender", "target")
+
     def __init__(
         self,
         target: Target,
@@ -98,18 +99,29 @@ class VehicleChannel:
         self.peer = peer
         self.refusal: str | None = None
         """Why no exchange with the vehicle may begin; None when one may."""
-        self._heard: EventStream[Message] = EventStream()
-        self._exchanges: list[_Exchange] = []
+        self._listeners: tuple[Callable[[Message], None], ...] = ()
 
-    def messages(self) -> AbstractAsyncContextManager[AsyncIterator[Message]]:
-        """Hear the vehicle's messages, of all its components, inside a `with` block."""
-        return self._heard.read()
+    @contextlib.asynccontextmanager
+    async def messages(self) -> AsyncIterator[AsyncIterator[Message]]:
+        """Hear the vehicle's messages, of all its components, inside an `async with` block."""
+        stream: EventStream[Message] = EventStream()
+        with self._told(stream.publish):
+            async with stream.read() as messages:
+                yield messages
 
     def publish(self, message: Message) -> None:
         """A message of the vehicle was heard."""
-        self._heard.publish(message)
-        for exchange in self._exchanges:
-            exchange.hear(message)
+        for listener in self._listeners:
+            listener(message)
+
+    @contextlib.contextmanager
+    def _told(self, listener: Callable[[Message], None]) -> Iterator[None]:
+        """Tell a listener of every message inside a `with` block."""
+        self._listeners += (listener,)
+        try:
+            yield
+        finally:
+            self._listeners = tuple(each for each in self._listeners if each is not listener)
 
     def check(self) -> None:
         """Refuse an exchange that may not begin.
@@ -132,14 +144,12 @@ class VehicleChannel:
         """
         self.check()
         exchange = _Exchange(transaction, self.clock)
-        self._exchanges.append(exchange)
-        try:
-            await exchange.over()
-        except asyncio.CancelledError:
-            transaction.cancel()
-            raise
-        finally:
-            self._exchanges.remove(exchange)
+        with self._told(exchange.hear):
+            try:
+                await exchange.over()
+            except asyncio.CancelledError:
+                transaction.cancel()
+                raise
         return transaction.result()
 
     async def until(self, holds: Callable[[], bool], timeout_s: float, what: str) -> None:

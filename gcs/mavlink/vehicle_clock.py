@@ -8,6 +8,8 @@ shortest TIMESYNC round trip stands. The rate is the median of the slopes betwee
 
 from __future__ import annotations
 
+from array import array
+from bisect import bisect_left
 from collections import deque
 from statistics import median
 
@@ -29,8 +31,13 @@ class VehicleClock:
         reboots: how often the vehicle's clock went back to the start.
     """
 
+    __slots__ = ("_estimated_at", "_fit", "_heard_s", "_newest_s", "_off_count", "_round_trips", "_told_s", "reboots")
+
     def __init__(self) -> None:
-        self._samples: deque[tuple[float, float]] = deque()
+        self._newest_s = float("-inf")
+        """When the newest stamp was heard."""
+        self._heard_s, self._told_s = array("d"), array("d")
+        """The stamps of the window: when each was heard, and what it said."""
         self._round_trips: deque[float] = deque(maxlen=ROUND_TRIPS)
         self._fit: tuple[float, float, float] | None = None
         self._estimated_at = float("-inf")
@@ -57,16 +64,15 @@ class VehicleClock:
 
     def stamped_lately(self, station_s: float) -> bool:
         """Whether a further stamp would only be passed over."""
-        return bool(self._samples) and station_s - self._samples[-1][0] < SPACING_S
+        return station_s - self._newest_s < SPACING_S
 
     def stamp(self, station_s: float, vehicle_s: float) -> None:
         """Take a time stamp of the vehicle and when it was heard."""
-        if self._samples:
-            newest_w, newest_v = self._samples[-1]
-            if vehicle_s < newest_v - REBOOT_S * max(1.0, self.rate):
+        if self._told_s:
+            if vehicle_s < self._told_s[-1] - REBOOT_S * max(1.0, self.rate):
                 self.reboots += 1
                 self._restart()
-            elif station_s - newest_w < SPACING_S:
+            elif self.stamped_lately(station_s):
                 return
         predicted = self.at(station_s)
         if predicted is not None and abs(vehicle_s - predicted) > STEP_S * max(1.0, self.rate):
@@ -75,10 +81,10 @@ class VehicleClock:
                 self._restart()
         else:
             self._off_count = 0
-        self._samples.append((station_s, vehicle_s))
-        while self._samples[0][0] < station_s - WINDOW_S:
-            self._samples.popleft()
-        if station_s - self._estimated_at >= ESTIMATE_EVERY_S or len(self._samples) < FEW_SAMPLES:
+        self._heard_s.append(station_s)
+        self._told_s.append(vehicle_s)
+        self._newest_s = station_s
+        if station_s - self._estimated_at >= ESTIMATE_EVERY_S or len(self._heard_s) < FEW_SAMPLES:
             self._estimated_at = station_s
             self._estimate()
 
@@ -88,18 +94,22 @@ class VehicleClock:
             self._round_trips.append(seconds)
 
     def _restart(self) -> None:
-        self._samples.clear()
+        del self._heard_s[:], self._told_s[:]
+        self._newest_s = float("-inf")
         self._off_count = 0
         self._fit = None
 
     def _estimate(self) -> None:
-        samples = list(self._samples)
-        now = samples[-1][0]
-        if len(samples) < 4 or now - samples[0][0] < MIN_SPAN_S:
+        heard, told, now = self._heard_s, self._told_s, self._newest_s
+        old = bisect_left(heard, now - WINDOW_S)
+        del heard[:old], told[:old]
+        if len(heard) < 4 or now - heard[0] < MIN_SPAN_S:
             return
-        late = samples[len(samples) // 2 :]
-        rate = median((v1 - v0) / (w1 - w0) for (w0, v0), (w1, v1) in zip(samples, late, strict=False))
+        half = len(heard) // 2
+        pairs = zip(heard, told, heard[half:], told[half:], strict=False)
+        rate = median((v1 - v0) / (w1 - w0) for w0, v0, w1, v1 in pairs)
         if rate <= 0:
             return
         delay = min(self._round_trips, default=0.0) / 2
-        self._fit = (now, max(v - rate * (w - now) for w, v in samples) + rate * delay, rate)
+        envelope = max(v - rate * (w - now) for w, v in zip(heard, told, strict=True))
+        self._fit = (now, envelope + rate * delay, rate)

@@ -31,12 +31,11 @@ from gcs.mavlink.companion_lease import COMPANION, OVER, LeaseState, LeaseStatus
 from gcs.mavlink.dialect import Message, mavlink
 from gcs.mavlink.events import EventStream, VehicleEvent
 from gcs.mavlink.link_quality import LinkQuality, RoundTripMeter, SequenceMeter
-from gcs.mavlink.list_watch import ListWatch
+from gcs.mavlink.list_watch import ListWatch, told_marks
 from gcs.mavlink.message_rates import RATES_HZ, request_call, request_rates
 from gcs.mavlink.mode_guard import ModeChange, ModeGuard, Shown
 from gcs.mavlink.motion_samples import MOTION_MESSAGES, MotionSampler
 from gcs.mavlink.newest_telemetry import NewestTelemetry
-from gcs.mavlink.plan_id import told_list_ids
 from gcs.mavlink.received_message import MARKER_V1, ReceivedMessage
 from gcs.mavlink.report_assembler import (
     AnsweredReport,
@@ -60,6 +59,8 @@ STACKS: dict[Autopilot, type[FlightStack]] = {
     Autopilot.ARDUPILOT: ArduPilot,
     Autopilot.GENERIC: GenericAutopilot,
 }
+DECODERS = {autopilot: TelemetryDecoder(stack()) for autopilot, stack in STACKS.items()}
+"""They hold no state, so all vehicles of a flight stack share one."""
 TEXTS_KEPT = 50
 TIMESYNC_EVERY_S = 1.0
 ASK_AGAIN_S = 15.0
@@ -68,6 +69,7 @@ ASK_ONCE_PAUSE_S = 1.0
 TIME_STAMPED = frozenset({"ATTITUDE", "LOCAL_POSITION_NED", "GLOBAL_POSITION_INT", "SYSTEM_TIME"})
 ALSO_WANTED = frozenset({"TIMESYNC", "MISSION_ITEM_REACHED", "AUTOPILOT_VERSION", "STATUSTEXT", "TUNNEL"})
 """Besides telemetry, motion and pictures; other messages are counted, logged, and handed to whoever waits for one."""
+WANTED = DECODERS[Autopilot.GENERIC].kinds | MOTION_MESSAGES | CAMERA_MESSAGES | ALSO_WANTED
 ONLY_MAVLINK_1 = (
     "it sends MAVLink 1 and may not understand MAVLink 2, which missions, files and signing need: set it to MAVLink 2 "
     "(PX4: MAV_PROTO_VER 2; ArduPilot: SERIALn_PROTOCOL 2)"
@@ -85,6 +87,20 @@ class VehicleState:
         lost_after_s: without heartbeats for so long the link counts as lost.
     """
 
+    # What every message needs lies together: a hundred large dictionaries would never stay in the processor's cache.
+    __slots__ = (
+        "__dict__",
+        "_channel",
+        "_events",
+        "_meter",
+        "_newest",
+        "_reboots",
+        "clock",
+        "identity",
+        "on_motion",
+        "on_packet",
+    )
+
     def __init__(self, identity: VehicleIdentity, channel: VehicleChannel, *, lost_after_s: float) -> None:
         self.identity = identity
         self.clock = VehicleClock()
@@ -100,9 +116,7 @@ class VehicleState:
         self._now = channel.clock
         self._lost_after_s = lost_after_s
         self._stack = STACKS[identity.autopilot]()
-        decoder = TelemetryDecoder(self._stack)
-        self._newest = NewestTelemetry(decoder)
-        self._wanted = decoder.kinds | MOTION_MESSAGES | CAMERA_MESSAGES | ALSO_WANTED
+        self._newest = NewestTelemetry(DECODERS[identity.autopilot])
         self._motion = MotionSampler()
         self._guard = ModeGuard(self._stack)
         self._lent_lease: int | None = None
@@ -250,14 +264,13 @@ class VehicleState:
         if on_packet is not None:
             on_packet(packet)
 
-    def handle(self, message: ReceivedMessage) -> None:
-        """Take a message of any of its components; called by the station."""
-        now = self._now()
+    def handle(self, message: ReceivedMessage, now: float) -> None:
+        """Take a message of any of its components that was heard just now; called by the station."""
         if self.on_packet is not None:
             self.passed(message.packet)
         kind, component = message.layout.name, message.from_component
         self._meter.count(component, message.running_number, now)
-        if kind in self._wanted:
+        if kind in WANTED:
             self._take(kind, message, now, from_autopilot=component == self.identity.component_id)
         self._channel.publish(message)
 
@@ -288,7 +301,7 @@ class VehicleState:
         elif kind in TIME_STAMPED:
             if self.clock.stamped_lately(now):
                 return
-            self.clock.stamp(now, message.time_boot_ms * 1e-3)
+            self.clock.stamp(now, message.boot_s)
             if self.clock.reboots != self._reboots:
                 self._reboots = self.clock.reboots
                 self.ask_for_messages()
@@ -301,7 +314,7 @@ class VehicleState:
         elif kind == "MISSION_CURRENT":
             self._guard.on_mission(mission_progress(message))
             if not self._lists.idle:
-                for changed in self._lists.take(told_list_ids(message), now):
+                for changed in self._lists.take(told_marks(message, self.identity.autopilot), now):
                     self._publish(events.ListChangedEvent(changed))
         elif kind == "AUTOPILOT_VERSION":
             self.capabilities = int(message.capabilities)

@@ -38,7 +38,7 @@ class Responder:
 
     def say(self, message):
         for heard in self._parser.feed(message.pack(self._packer)):
-            asyncio.get_running_loop().call_soon(self.vehicle.handle, heard)
+            asyncio.get_running_loop().call_soon(self.vehicle.handle, heard, time.monotonic())
 
     def hear(self, message):
         kind, m = message.get_type(), mavlink

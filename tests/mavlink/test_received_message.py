@@ -19,6 +19,8 @@ def test_every_field_of_every_message_is_what_pymavlink_makes_of_it():
             assert (ours.get_srcSystem(), ours.get_srcComponent(), ours.get_seq()) == (1, 7, 0)
             for name in theirs.get_fieldnames():
                 assert repr(getattr(ours, name)) == repr(getattr(theirs, name)), f"{kind.msgname}.{name}"
+            if "time_boot_ms" in theirs.get_fieldnames():
+                assert ours.boot_s == theirs.time_boot_ms * 1e-3
 
 
 def test_no_field_of_the_dialect_is_hidden_by_the_messages_own_attributes():

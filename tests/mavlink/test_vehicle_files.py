@@ -10,13 +10,13 @@ from concurrent.futures import Future
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from gcs.core.errors import NotFoundError, RefusedError
+from gcs.core.errors import IncompleteError, InputError, NotFoundError, OperationCancelled, RefusedError
 from gcs.core.frames import GeoPoint
 from gcs.core.mission import Mission, MissionItem
 from gcs.core.vehicle import Autopilot, VehicleIdentity
 from gcs.mavlink.events import ListChangedEvent
 from gcs.mavlink.framing import FrameParser
-from gcs.mavlink.mission_protocol import MissionType
+from gcs.mavlink.mission_protocol import MissionType, check_places
 from gcs.mavlink.vehicle import Vehicle
 from gcs.mavlink.vehicle_channel import VehicleChannel
 from sitl_mocks.ardupilot import ArduPilotVehicle
@@ -36,6 +36,7 @@ class Pair:
     def __init__(self, cls, autopilot, **options):
         self.simulated = cls(VehicleOptions(1, HOME, HOME, _draw, **options))
         self.asked = []
+        self.loses = lambda message: False
         packer = mavlink.MAVLink(None, srcSystem=255, srcComponent=190)
         parser = FrameParser()
         self._under_way = []
@@ -50,6 +51,8 @@ class Pair:
 
     def _send(self, message):
         self.asked.append(message.get_type())
+        if self.loses(message):
+            return
         for m in self._link.receive(bytes(message.pack(self._packer))):
             self.simulated.handle(m, self._link)
 
@@ -58,7 +61,7 @@ class Pair:
         self.simulated.step(seconds, self.wall_s)
         arrived, self._under_way = self._under_way, []
         for message in arrived:
-            self.vehicle.handle(message)
+            self.vehicle.handle(message, time.monotonic())
 
     async def live(self):
         while True:
@@ -218,3 +221,115 @@ async def test_a_mission_that_is_changed_behind_our_back_is_told_once(make_pair)
     assert await vehicle.download_mission() == ()
     show()
     assert changes() == [MissionType.MISSION], "what it holds is known again"
+
+
+BOTH = [(Px4Vehicle, Autopilot.PX4), (ArduPilotVehicle, Autopilot.ARDUPILOT)]
+
+
+def small_mission():
+    rows = [(16, 0), (22, 50), *((16, 100 + 50 * k) for k in range(4))]
+    items = [MissionItem(k, 0, c, (0.0,) * 4, 313620196 + x, 1216152897, 20.0) for k, (c, x) in enumerate(rows)]
+    return Mission(tuple(items))
+
+
+@pytest.mark.parametrize(("cls", "autopilot"), BOTH)
+async def test_a_list_that_was_read_and_is_changed_then_is_told_once(make_pair, cls, autopilot):
+    pair = make_pair(cls, autopilot)
+    told = []
+    pair.vehicle.on_event = told.append
+
+    def changes():
+        for _ in range(3):
+            pair.simulated.broadcast(pair.simulated.telemetry.build(mavlink.MAVLINK_MSG_ID_MISSION_CURRENT))
+            pair.step(TICK_S)
+        return [event.mission_type for event in told if isinstance(event, ListChangedEvent)]
+
+    await pair.vehicle.upload_mission(small_mission())
+    assert len(await pair.vehicle.download_mission()) == 6
+    assert changes() == []
+    pair.simulated.missions.clear()
+    assert changes() == changes() == [MissionType.MISSION]
+
+
+def old_acknowledgement(pair, lost):
+    """Lose what clears a mission so often; an ACK of an earlier upload comes instead."""
+    left = [lost]
+
+    def loses(message):
+        if message.get_type() != "MISSION_CLEAR_ALL" or left[0] == 0:
+            return False
+        left[0] -= 1
+        pair.simulated.broadcast(mavlink.MAVLink_mission_ack_message(255, 190, 0, 0))
+        return True
+
+    return loses
+
+
+@pytest.mark.parametrize(("cls", "autopilot"), BOTH)
+async def test_an_old_acknowledgement_clears_nothing(make_pair, cls, autopilot):
+    pair = make_pair(cls, autopilot)
+    await pair.vehicle.upload_mission(small_mission())
+    pair.loses = old_acknowledgement(pair, 1)
+    await pair.vehicle.clear_list(MissionType.MISSION)
+    assert pair.asked.count("MISSION_CLEAR_ALL") == 2
+    assert len(pair.simulated.missions.items) == 0
+
+
+async def test_a_list_that_stays_is_not_called_cleared(make_pair):
+    pair = make_pair(Px4Vehicle, Autopilot.PX4)
+    await pair.vehicle.upload_mission(small_mission())
+    pair.loses = old_acknowledgement(pair, 100)
+    with pytest.raises(IncompleteError, match="still holds 6 items of its mission"):
+        await pair.vehicle.clear_list(MissionType.MISSION)
+    assert pair.vehicle._lists.idle, "nobody knows what it will hold"
+
+
+@pytest.mark.parametrize(("cls", "autopilot"), BOTH)
+@pytest.mark.parametrize(
+    ("place", "words"),
+    [
+        ((950_000_000, 0), r"item 2: its latitude of 95 deg is out of range \(-90 to 90\)"),
+        ((0, -1_800_000_001), r"item 2: its longitude of -180 deg is out of range \(-180 to 180\)"),
+    ],
+)
+async def test_places_that_are_nowhere_are_not_sent(make_pair, cls, autopilot, place, words):
+    pair = make_pair(cls, autopilot)
+    await pair.vehicle.upload_mission(small_mission())
+    asked = len(pair.asked)
+    for mission_type, command in ((MissionType.MISSION, 16), (MissionType.FENCE, 5001), (MissionType.RALLY, 5100)):
+        items = list(small_mission().items[:2])
+        items.append(MissionItem(2, 0, command, (4.0, 0.0, 0.0, 0.0), *place, 20.0))
+        with pytest.raises(InputError, match=f"{mission_type.noun}, {words}"):
+            if mission_type is MissionType.MISSION:
+                await pair.vehicle.upload_mission(Mission(tuple(items)))
+            else:
+                await pair.vehicle.upload_list(items, mission_type)
+    assert not [kind for kind in pair.asked[asked:] if kind.startswith(("MISSION", "FILE"))]
+    assert len(pair.simulated.missions.items) == 6
+    assert not pair.vehicle._lists.idle, "what it holds is still known"
+
+
+def test_numbers_that_are_no_place_are_sent():
+    items = [*small_mission().items, MissionItem(6, 2, 1000, (0.0,) * 4, 2_000_000_000, 2_000_000_000, 0.0)]
+    check_places(items, MissionType.MISSION)
+
+
+async def test_a_file_transfer_that_is_cancelled_is_not_done_by_the_protocol_instead(make_pair):
+    pair = make_pair()
+
+    class Impatient:
+        def report(self, stage, fraction):
+            raise OperationCancelled("enough")
+
+    with pytest.raises(OperationCancelled):
+        await pair.vehicle.upload_mission(mission(60), Impatient())
+    assert "FILE_TRANSFER_PROTOCOL" in pair.asked
+    assert "MISSION_COUNT" not in pair.asked
+
+
+@pytest.mark.parametrize(("cls", "autopilot"), BOTH)
+async def test_the_current_item_is_set_and_shown(make_pair, cls, autopilot):
+    pair = make_pair(cls, autopilot)
+    await pair.vehicle.upload_mission(small_mission())
+    await pair.vehicle.set_current(3)
+    assert pair.vehicle.telemetry.mission.value.current == 3

@@ -32,13 +32,13 @@ def acknowledged(vehicle):
 
 
 async def until(holds):
-    async with asyncio.timeout(5.0):
+    async with asyncio.timeout(60.0):
         while not holds():  # noqa: ASYNC110 - what a scripted vehicle heard has no event to wait for
             await asyncio.sleep(0.02)
 
 
 async def reported(heard):
-    async with asyncio.timeout(5.0):
+    async with asyncio.timeout(60.0):
         async for event in heard:
             if isinstance(event, events.ReplanEvent):
                 return event.report

@@ -35,7 +35,7 @@ class Ear:
                 await asyncio.sleep(0.001)
 
     async def until_heard(self, count):
-        async with asyncio.timeout(20.0):
+        async with asyncio.timeout(60.0):
             while len(self.heard) < count:
                 self.more.clear()
                 await self.more.wait()

@@ -15,7 +15,7 @@ SETPOINT = "SET_POSITION_TARGET_LOCAL_NED"
 
 
 async def next_event(events, kind):
-    async with asyncio.timeout(5.0):
+    async with asyncio.timeout(60.0):
         while True:
             event = await anext(events)
             if isinstance(event, kind):
@@ -66,7 +66,7 @@ async def test_start_pause_resume_return_land(connected, options):
     assert scripted.armed
     assert vehicle.telemetry.mode.value is FlightMode.MISSION
     scripted.landed = 2
-    await vehicle.until(lambda: vehicle.in_air, 30.0, "the take-off")
+    await vehicle.until(lambda: vehicle.in_air, 60.0, "the take-off")
     with pytest.raises(RefusedError, match="in the air"):
         await vehicle.start_mission()
     await vehicle.pause()
@@ -106,9 +106,9 @@ async def test_a_pilot_who_takes_over_in_the_midst_of_a_start_ends_it(connected,
     scripted, vehicle = await connected()
     scripted.results[400] = 5
     starting = asyncio.ensure_future(vehicle.start_mission())
-    await vehicle.until(lambda: bool([m for m in scripted.of("COMMAND_LONG") if m.command == 400]), 30.0, "arming")
+    await vehicle.until(lambda: bool([m for m in scripted.of("COMMAND_LONG") if m.command == 400]), 60.0, "arming")
     scripted.set_mode(modes["posctl"])
-    await vehicle.until(lambda: vehicle.pilot_in_control, 30.0, "the pilot")
+    await vehicle.until(lambda: vehicle.pilot_in_control, 60.0, "the pilot")
     scripted.ack(400, 0)
     scripted.armed = True
     with pytest.raises(RefusedError):
@@ -127,10 +127,10 @@ async def test_what_a_long_command_is_at_is_told_at_every_tenth(connected):
     def shares():
         return [event.share for event in told if isinstance(event, CommandProgressEvent)]
 
-    await vehicle.until(lambda: shares() == [None], 30.0, "it to begin")
+    await vehicle.until(lambda: shares() == [None], 60.0, "it to begin")
     for percent in (20, 21, 22, 80):
         scripted.send(mavlink.MAVLink_command_ack_message(400, 5, percent, 0, 255, 190))
-    await vehicle.until(lambda: shares() == [None, 0.2, 0.8], 30.0, "its progress")
+    await vehicle.until(lambda: shares() == [None, 0.2, 0.8], 60.0, "its progress")
     assert {e.command for e in told if isinstance(e, CommandProgressEvent)} == {"COMPONENT_ARM_DISARM"}
     arming.cancel()
 
@@ -139,7 +139,7 @@ async def test_a_newer_command_ends_an_older_sequence(connected, modes):
     scripted, vehicle = await connected()
     scripted.results[400] = 5
     starting = asyncio.ensure_future(vehicle.start_mission())
-    await vehicle.until(lambda: bool([m for m in scripted.of("COMMAND_LONG") if m.command == 400]), 30.0, "arming")
+    await vehicle.until(lambda: bool([m for m in scripted.of("COMMAND_LONG") if m.command == 400]), 60.0, "arming")
     scripted.results.clear()
     await vehicle.return_home()
     scripted.ack(400, 0)
@@ -244,15 +244,17 @@ async def test_the_source_is_flown_on_the_vehicles_clock(in_offboard):
     def source(vehicle_s):
         return Setpoint.hover(np.array([vehicle_s - start, 0.0, 10.0]), 0.0)
 
-    before = len(scripted.of(SETPOINT))
+    before = len(scripted.heard)
     session.fly(source)
-    began = time.monotonic()
-    await asyncio.sleep(1.0)
-    now_ms, took = scripted.now_ms, time.monotonic() - began
-    flown = scripted.of(SETPOINT)[before:]
-    assert flown[-1].y == pytest.approx(5.0 * took, abs=1.0)
-    assert flown[-1].time_boot_ms == pytest.approx(now_ms, abs=500)
-    assert len(flown) > 100, "fifty setpoints for each of five vehicle seconds, as far as this machine can"
+    flown = []
+    while len(flown) <= 100:
+        await asyncio.sleep(0.1)
+        flown = [(at, m) for at, m in scripted.heard[before:] if m.get_type() == SETPOINT and m.y > 0.0]
+    assert flown[-1][1].y > 1.0
+    for _, setpoint in flown:
+        assert setpoint.y == pytest.approx(setpoint.time_boot_ms / 1000 - start, abs=0.1)
+    late_ms = [(at - scripted.born) * scripted.speed * 1000 - m.time_boot_ms for at, m in flown]
+    assert min(map(abs, late_ms)) < 100, "the machine may keep some of them back, not all"
     await session.stop()
 
 
@@ -260,7 +262,7 @@ async def test_what_is_recorded_of_the_stream_is_what_the_vehicle_heard_from_a_c
     scripted, vehicle, session = await in_offboard()
     recorded = []
     vehicle.on_packet = lambda packet: recorded.append(bytes(packet))
-    await vehicle.until(lambda: sum(packet[6] == COMPONENT for packet in recorded) >= 3, 30.0, "some setpoints")
+    await vehicle.until(lambda: sum(packet[6] == COMPONENT for packet in recorded) >= 3, 60.0, "some setpoints")
     await session.stop()
     heard = [bytes(m.get_msgbuf()) for m in scripted.of(SETPOINT)]
     setpoints = [packet for packet in recorded if packet[5:7] == bytes([255, COMPONENT])]
@@ -292,7 +294,7 @@ async def test_an_owner_that_hangs_ends_the_stream_and_the_vehicle_is_told_to_ho
         ended = await next_event(events, OffboardEndedEvent)
     assert ended.end is OffboardEnd.DEADMAN
     assert vehicle.offboard_session is None
-    await vehicle.until(lambda: vehicle.telemetry.mode.value is FlightMode.HOLD, 30.0, "hold")
+    await vehicle.until(lambda: vehicle.telemetry.mode.value is FlightMode.HOLD, 60.0, "hold")
     assert scripted.mode == modes["hold"]
     assert not vehicle.pilot_in_control
     assert not session.active
@@ -309,11 +311,11 @@ async def test_a_commanded_mode_ends_the_stream_when_the_vehicle_shows_it(in_off
 async def test_a_lost_link_ends_the_stream_for_good(in_offboard):
     scripted, vehicle, session = await in_offboard()
     scripted.silent = True
-    await vehicle.until(lambda: not session.active, 30.0, "the end")
+    await vehicle.until(lambda: not session.active, 60.0, "the end")
     assert session.end[0] is OffboardEnd.LINK_LOST
     sent = session.setpoints_sent
     scripted.silent = False
-    await vehicle.until(lambda: vehicle.connected, 30.0, "the link")
+    await vehicle.until(lambda: vehicle.connected, 60.0, "the link")
     await asyncio.sleep(0.2)
     assert session.setpoints_sent == sent
 
@@ -329,7 +331,7 @@ async def test_a_vehicle_that_does_not_enter_leaves_no_lease_and_no_stream(conne
     scripted.mode_results[modes["offboard"]] = 4
     with pytest.raises(RefusedError, match="OFFBOARD"):
         await vehicle.offboard("test", take_off_altitude_amsl_m=14.0)
-    await vehicle.until(lambda: vehicle.offboard_session is None, 30.0, "the end")
+    await vehicle.until(lambda: vehicle.offboard_session is None, 60.0, "the end")
     count = len(scripted.of(SETPOINT))
     await asyncio.sleep(0.2)
     assert len(scripted.of(SETPOINT)) == count
