@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import fcntl
+import os
+import sys
+
 import numpy as np
 import pytest
 
@@ -17,6 +21,41 @@ REST_TO_REST = np.array([0, 0, 0, 0, 35, -84, 70, -20], dtype=float)
 
 STOPS = np.array([[0, 0, 0], [0, 0, 10], [8, 0, 10], [0, 0, 10], [0, 0, 0]], dtype=float)
 DURATIONS = np.array([6.0, 5.0, 5.0, 6.013])
+
+
+@pytest.fixture(scope="session")
+def of_all_workers(tmp_path_factory):
+    """A folder that the test processes of one run share."""
+    own = tmp_path_factory.getbasetemp()
+    shared = (own.parent if "PYTEST_XDIST_WORKER" in os.environ else own) / "of-all-workers"
+    shared.mkdir(exist_ok=True)
+    return shared
+
+
+@pytest.fixture(scope="session")
+def made_once(of_all_workers):
+    """`made_once(name, make)`: a folder that the first test process fills by `make(folder)`; to be read only."""
+
+    def made(name, make):
+        folder, done = of_all_workers / name, of_all_workers / f"{name}.done"
+        with (of_all_workers / f"{name}.lock").open("w") as lock:
+            fcntl.flock(lock, fcntl.LOCK_EX)
+            if not done.exists():
+                make(folder)
+                done.touch()
+        return folder
+
+    return made
+
+
+@pytest.fixture(scope="session", autouse=True)
+def compiled_once(of_all_workers):
+    """Of the many processes only the first compiles a module, also where bytecode is not to be written."""
+    with pytest.MonkeyPatch.context() as patch:
+        if sys.dont_write_bytecode:
+            patch.delenv("PYTHONDONTWRITEBYTECODE", raising=False)
+            patch.setenv("PYTHONPYCACHEPREFIX", str(of_all_workers / "bytecode"))
+        yield
 
 
 @pytest.fixture
@@ -77,13 +116,11 @@ def box_folder(tmp_path_factory, box_scenario):
 
 
 @pytest.fixture(scope="session")
-def box_plan(tmp_path_factory, box_folder):
+def box_plan(made_once, box_folder):
     """The box, planned by the product; to be read only."""
     from gcs.services.plan_service import plan_to_directory
 
-    out = tmp_path_factory.mktemp("plans") / "box"
-    plan_to_directory(box_folder / "box.yaml", out)
-    return out
+    return made_once("box-plan", lambda out: plan_to_directory(box_folder / "box.yaml", out))
 
 
 @pytest.fixture

@@ -315,7 +315,7 @@ def test_an_interrupted_plan_ends_and_leaves_nothing(box_scenario, box_folder, t
         with contextlib.suppress(OSError):  # reading fails when the process has ended
             while rest := os.read(screen, 4096):
                 seen += rest
-        assert process.wait(20) in (130, -signal.SIGINT)  # a shell shows 130 for both
+        assert process.wait(300) in (130, -signal.SIGINT)  # a shell shows 130 for both
         assert process.stdout.read() == b""
     os.close(screen)
     assert b"Traceback" not in seen
@@ -407,6 +407,19 @@ def test_a_list_is_cleared_on_the_vehicle_that_is_named(gcs, monkeypatch, tmp_pa
     [(url, vehicle, mission_type, data)] = cleared
     assert (url, vehicle, mission_type.noun[: len(noun)], data) == ("x", "px4-1", noun, tmp_path)
     is_one_line(gcs("clear", "--connect", "x"), 2, "--vehicle")
+
+
+def test_the_current_item_is_set_on_the_vehicle_that_is_named(gcs, monkeypatch, tmp_path):
+    given = []
+
+    async def set_current(*arguments):
+        given.append(arguments)
+
+    monkeypatch.setattr(transfer_commands, "set_current", set_current)
+    said = gcs("set-current", "--connect", "x", "--vehicle", "px4-1", "--data", tmp_path, "3")
+    assert said.out == "px4-1 has item 3 as its current one\n"
+    assert given == [("x", "px4-1", 3, tmp_path)]
+    is_one_line(gcs("set-current", "--connect", "x", "--vehicle", "px4-1", "--", "-1"), 2, "-1")
 
 
 def outcome(**changed):

@@ -183,7 +183,7 @@ def test_a_demo_that_is_interrupted_has_not_worked(tmp_path):
         while "planning" not in process.stdout.readline():
             assert process.poll() is None
         process.send_signal(signal.SIGINT)
-        rest, errors = process.communicate(timeout=60)
+        rest, errors = process.communicate(timeout=300)
     assert process.returncode == 130
     assert "Traceback" not in errors
     assert "done" not in rest

@@ -119,6 +119,6 @@ def test_the_process_ends_cleanly_when_it_is_interrupted(tmp_path, how):
     assert station.stdout is not None
     assert "gcs is ready: http://127.0.0.1:" in station.stdout.readline()
     station.send_signal(how)
-    _, errors = station.communicate(timeout=30)
+    _, errors = station.communicate(timeout=300)
     assert errors == ""
     assert station.returncode in {0, -how}

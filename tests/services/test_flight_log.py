@@ -66,7 +66,7 @@ def boot_times(path):
 
 
 async def ended(run, vehicle):
-    async with asyncio.timeout(10):
+    async with asyncio.timeout(60.0):
         while vehicle.on_packet is not None or len(run.recorder.lines) < 2:  # noqa: ASYNC110 - the log has no events
             await asyncio.sleep(0.01)
 

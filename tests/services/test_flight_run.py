@@ -158,7 +158,7 @@ async def test_a_return_by_the_vehicles_own_failsafe_is_a_return(followed, recor
     assert state(recorder) is FlightState.RETURNING
     await vehicle.show(FlightMode.RETURN, armed=False, landed=LandedState.ON_GROUND)
     await vehicle.tell(events.ArmedEvent(False))
-    await asyncio.wait_for(run.over.wait(), 5)
+    await asyncio.wait_for(run.over.wait(), 60.0)
     assert state(recorder) is FlightState.ABORTED
     problems = recorder.flight.problems
     assert any("viewpoints were not reached" in p for p in problems)
@@ -177,6 +177,6 @@ async def test_a_picture_taken_at_a_viewpoint_shows_that_it_was_reached(followed
         await vehicle.tell(events.ImageEvent(ImageReport(k, f"mftp:/DCIM/{k}.JPG", place(x, 0.2, 10.0), 5.0 + k)))
     await vehicle.show(armed=False, landed=LandedState.ON_GROUND)
     await vehicle.tell(events.ArmedEvent(False))
-    await asyncio.wait_for(run.over.wait(), 5)
+    await asyncio.wait_for(run.over.wait(), 60.0)
     assert state(recorder) is FlightState.COMPLETED
     assert [v.miss_m for v in recorder.database.flights.visits(FLIGHT)] == pytest.approx([0.2, 0.2], abs=0.02)

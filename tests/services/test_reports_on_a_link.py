@@ -73,7 +73,7 @@ class SigningVehicle:
 
 
 async def until(vehicle, holds):
-    async with asyncio.timeout(20):
+    async with asyncio.timeout(60.0):
         while not holds():
             vehicle.beat()
             vehicle.listen()

@@ -52,7 +52,7 @@ async def test_a_station_that_is_killed_meanwhile_tells_positions_again(station,
     base.start()
     await pair.until(lambda truth: truth["positions_taken"] > taken + 10, what="positions after the restart")
     assert base.flight(flight)["observer"] == "px4-2"
-    done = await base.until(flight, lambda f: f["state"] in OVER, 150)
+    done = await base.until(flight, lambda f: f["state"] in OVER)
     texts = [e["text"] for e in base.get(f"/flights/{flight}/events")]
     assert done["state"] == "completed", (done["problems"], texts[-30:])
     assert texts.count("px4-1 is told no position until px4-2 is heard again") == 1

@@ -1,8 +1,9 @@
-"""A mesh that nobody made for this: planned, verified, and looked at by an outside check; skipped without."""
+"""A public crane and its published interest points: planned, verified, and checked from outside; skipped without."""
 
 from __future__ import annotations
 
 import asyncio
+import collections
 import json
 import subprocess
 import sys
@@ -11,15 +12,20 @@ from pathlib import Path
 import pytest
 import yaml
 
+from gcs.core.surface_coverage import Verdict
+
 pytestmark = pytest.mark.system
 
 SHARED = Path(__file__).resolve().parents[2] / "../shared"
 MESH = SHARED / "meshes/caric_construction_crane_1.stl"
+POINTS = SHARED / "meshes/caric_construction_crane_1_interest_points.csv"
 CHECK = SHARED / "verify/check_plan.py"
 
 
-@pytest.mark.skipif(not (MESH.is_file() and CHECK.is_file()), reason="the folder with the mesh and the check is absent")
-async def test_the_tower_crane_agrees_with_an_outside_check(tmp_path, gcs):
+@pytest.mark.skipif(
+    not all(file.is_file() for file in (MESH, POINTS, CHECK)), reason="the folder with the mesh and the check is absent"
+)
+async def test_every_interest_point_is_seen_or_named_and_an_outside_check_agrees(tmp_path, gcs):
     scenario = {
         "name": "tower crane",
         "structure": {"meshes": [{"file": str(MESH.resolve())}]},
@@ -32,7 +38,7 @@ async def test_the_tower_crane_agrees_with_an_outside_check(tmp_path, gcs):
             "image_width_px": 5472,
             "image_height_px": 3648,
         },
-        "inspection": {"surface": {"gsd_mm": 8, "overlap": 0.3}},
+        "inspection": {"surface": {"gsd_mm": 8, "overlap": 0.3, "spots": str(POINTS.resolve())}},
         "home_m": [-20, -20, 0],
     }
     (tmp_path / "crane.yaml").write_text(yaml.safe_dump(scenario))
@@ -45,8 +51,15 @@ async def test_the_tower_crane_agrees_with_an_outside_check(tmp_path, gcs):
         *("plan.json", "viewpoints.csv", "path.csv", "structure.ply", "trajectory.csv"),
         *("mission.plan", "mission.waypoints", "report.json", "report.html"),
     }
-    verified = await gcs("verify", out)
+    verified = await gcs("verify", out, "--points", POINTS.resolve())
     assert verified.status == 0, verified.text
+    by_words = {v.words: v for v in Verdict}
+    lines = [line.split(": ", 1) for line in verified.text.splitlines() if line.startswith("line ")]
+    found = collections.Counter(by_words[words] for _, words in lines)
+    assert found.total() == len(POINTS.read_text().splitlines()) - 1
+    assert sum(report["spots"].values()) == found.total()
+    assert report["spots"]["seen"] == found[Verdict.SEEN] > 550
+    assert found[Verdict.LEFT_OUT] == 0
     line = [sys.executable, str(CHECK), str(out), "--samples", "2000"]
     checked = await asyncio.to_thread(subprocess.run, line, capture_output=True, text=True)
     print(planned.seconds, report["stages_s"], checked.stdout)

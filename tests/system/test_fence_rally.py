@@ -32,7 +32,7 @@ async def test_it_is_flown_with_its_fence_and_rally_points_on_the_vehicle(gcs, v
         flown = vehicle(kind, plan=fenced_plan)
         told = await gcs(
             "fly", fenced_plan, "--connect", flown.url, "--yes", flown.name, "--json", "--mode", mode,
-            "--data", tmp_path / kind, timeout_s=240,
+            "--data", tmp_path / kind,
         )  # fmt: skip
         assert told.status == 0, told.text
         assert told.summary["ok"], told.summary
@@ -48,9 +48,7 @@ async def test_it_is_flown_with_its_fence_and_rally_points_on_the_vehicle(gcs, v
 async def test_somebody_elses_fence_must_be_accepted_by_name(gcs, vehicle, small_plan, fenced_plan, tmp_path):
     flown = vehicle("px4", plan=small_plan)
     await upload_plan(fenced_plan, flown.url, lambda line: None)
-    told = await gcs(
-        "fly", small_plan, "--connect", flown.url, "--yes", flown.name, "--json", "--data", tmp_path, timeout_s=90
-    )
+    told = await gcs("fly", small_plan, "--connect", flown.url, "--yes", flown.name, "--json", "--data", tmp_path)
     assert told.status == 5, told.text
     assert "fence (the vehicle holds a fence of 4 items that this plan did not bring" in told.lines[-1]
     assert ARM not in flown.truth["commands"]

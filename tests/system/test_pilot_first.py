@@ -37,7 +37,7 @@ async def resumed_to_the_end(station, flight, vehicle, plan, is_whole):
     await station.post(f"/flights/{flight}/resume", expect=422)
     await quiet(vehicle, 0.5)
     await station.post(f"/flights/{flight}/resume", confirm=vehicle.name)
-    done = await station.until(flight, lambda f: f["state"] in OVER, 100)
+    done = await station.until(flight, lambda f: f["state"] in OVER)
     assert done["state"] == "completed", (done["problems"], station.get(f"/flights/{flight}/events")[-30:])
     is_whole(vehicle, plan, station.data)
 
@@ -60,7 +60,7 @@ async def test_the_station_stands_still(station, vehicle, small_plan, tmp_path, 
     base = await station(small_plan)
     flight = await flying(base, flown, "offboard")
     base.signal(signal.SIGSTOP)
-    stopped = await flown.until(lambda t: t["mode"] == "AUTO.LOITER", 20, "its failsafe holds")
+    stopped = await flown.until(lambda t: t["mode"] == "AUTO.LOITER", what="its failsafe holds")
     await asyncio.sleep(1.0)
     base.signal(signal.SIGCONT)
     await base.until(flight, lambda f: f["state"] == "held")
@@ -85,6 +85,6 @@ async def test_missions_with_a_pilots_switch_and_a_link_that_is_gone_for_a_while
     silent.ask("restore-link")
     assert (await quiet(switched))["mode"] == "POSCTL"
     await resumed_to_the_end(base, first, switched, small_plan, is_whole)
-    done = await base.until(second, lambda f: f["state"] in OVER, 100)
+    done = await base.until(second, lambda f: f["state"] in OVER)
     assert done["state"] == "completed", (done["problems"], base.get(f"/flights/{second}/events")[-30:])
     is_whole(silent, small_plan, base.data)

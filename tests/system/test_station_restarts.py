@@ -82,7 +82,7 @@ async def test_killed_in_mission_flights(station, vehicle, small_plan, tmp_path,
     commands = [one.truth["commands"] for one in flown]
     await restarted(base, *flown)
     for k, (one, flight) in enumerate(zip(flown, flights, strict=True)):
-        done = await base.until(flight, lambda f: f["state"] in OVER, 100)
+        done = await base.until(flight, lambda f: f["state"] in OVER)
         assert done["state"] == "completed", (done["problems"], base.get(f"/flights/{flight}/events")[-30:])
         assert done["problems"] == []
         assert nothing_lost(before[k], records_of(base, flight))
@@ -113,7 +113,7 @@ async def test_killed_in_an_offboard_flight(station, vehicle, small_plan, tmp_pa
     assert nothing_lost(before, records_of(base, flight))
     await base.post(f"/flights/{flight}/resume", expect=403, confirm="px4-2")
     await base.post(f"/flights/{flight}/resume", confirm=flown.name)
-    done = await base.until(flight, lambda f: f["state"] in OVER, 120)
+    done = await base.until(flight, lambda f: f["state"] in OVER)
     assert done["state"] == "completed", (done["problems"], base.get(f"/flights/{flight}/events")[-30:])
     assert nothing_lost(before, records_of(base, flight))
     is_whole(flown, small_plan, base.data)

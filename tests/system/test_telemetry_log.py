@@ -25,7 +25,7 @@ async def test_both_halves_of_a_flight_are_in_one_log(station, vehicle, small_pl
     await asyncio.sleep(0.5)
     base.start()
     await base.vehicle_heard(flown.name)
-    await base.until(flight, lambda f: f["state"] == "completed", 100)
+    await base.until(flight, lambda f: f["state"] == "completed")
 
     end = await closed(base, flight)
     assert "missing" not in end

@@ -90,7 +90,7 @@ class Watch:
             self.modes.append(truth["mode"])
         return truth
 
-    async def until(self, holds, timeout_s=120.0):
+    async def until(self, holds, timeout_s=300.0):
         end = time.monotonic() + timeout_s
         while not holds(truth := self.look()):
             assert time.monotonic() < end, truth
