@@ -25,6 +25,7 @@ class ObstacleSectors:
         known: which sectors were measured, shape (N,).
         first_rad: middle of sector 0, counter-clockwise from the vehicle's nose, or from east for `northward`.
         step_rad: from each sector to the next, counter-clockwise.
+        least_m: what is nearer cannot be measured.
         most_m: reach of the sensor.
         northward: whether angles are about the scene's axes, and not about the vehicle's nose.
         at_us: the sender's time stamp (since its boot, or since 1970).
@@ -34,6 +35,7 @@ class ObstacleSectors:
     known: NDArray[np.bool_]
     first_rad: float
     step_rad: float
+    least_m: float
     most_m: float
     northward: bool
     at_us: int
@@ -67,6 +69,7 @@ def obstacle_sectors(message: Message) -> ObstacleSectors:
         known=distances != UNKNOWN_CM,
         first_rad=offset + (math.pi / 2 if northward else 0.0),
         step_rad=-math.radians(step_deg),
+        least_m=message.min_distance * CENTIMETRES,
         most_m=message.max_distance * CENTIMETRES,
         northward=northward,
         at_us=int(message.time_usec),

@@ -1,7 +1,7 @@
 """The planner that flies: the shortest way in the plane among convex obstacles and blocked cells, always the same.
 
-It is exact, so no other planner finds a shorter way, and it makes at most as many sight tests as it is allowed, so its
-time is bounded.
+It is exact, so no other planner finds a shorter way, and all that it does is counted in sight tests, of which it makes
+no more than it is allowed, so its time is bounded.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ class LocalPath:
 
     Attributes:
         points_m: from start to goal, shape (K, 2), scene ENU.
-        sight_tests: that the search made: what its time is proportional to.
+        sight_tests: that the search made, and what else it did counted as such: its time is proportional to it.
     """
 
     points_m: NDArray[np.float64]

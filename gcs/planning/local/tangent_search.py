@@ -17,6 +17,9 @@ from gcs.planning.numerics.quaternary_heap import grown, sift_down, sift_up
 
 FOUND, NO_WAY, OUT_OF_TESTS = 0, 1, 2
 
+LOOKS_PER_TEST = 50
+"""A settled corner looks at all points for tangents: so many of these looks take as long as a test of sight."""
+
 TANGENT_M2 = 1e-9
 """A corner's neighbour that is so little on the wrong side, as an area, is on the straight."""
 
@@ -46,12 +49,15 @@ def search_tangents(
         blocked: blocked cells (nx, ny), empty for no map.
         origin: the map's low corner, m, shape (2,).
         cell_m: edge of a cell.
-        most_tests: of sight; the search ends when they are spent, so its time is bounded.
+        most_tests: of sight, or looks for tangents that take as long; the search ends when they are spent, so its
+            time is bounded.
 
     Returns:
-        `FOUND`, `NO_WAY` or `OUT_OF_TESTS`; the indices of the way's points from start to goal; tests made.
+        `FOUND`, `NO_WAY` or `OUT_OF_TESTS`; the indices of the way's points from start to goal; tests made, and looks
+        counted as tests.
     """
     n = len(points)
+    looks = 0
     start, goal = n - 2, n - 1
     length = np.full(n, np.inf)
     came_from = np.full(n, -1, np.int64)
@@ -64,6 +70,9 @@ def search_tangents(
         if waiting + n > len(keys):
             keys, edges = grown(keys, edges)
             continue
+        looks += n
+        tests += looks // LOOKS_PER_TEST
+        looks %= LOOKS_PER_TEST
         waiting = _push_tangents(at, points, before, after, length, came_from, settled, keys, edges, waiting)
         reached = -1
         while waiting and reached < 0:
@@ -73,7 +82,7 @@ def search_tangents(
             a, b = edge // n, edge % n
             if settled[b]:
                 continue
-            if tests == most_tests:
+            if tests >= most_tests:
                 return OUT_OF_TESTS, np.empty(0, np.int64), tests
             tests += 1
             if _clear(points[a, 0], points[a, 1], points[b, 0], points[b, 1], polygons, blocked, origin, cell_m):

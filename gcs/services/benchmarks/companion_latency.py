@@ -1,9 +1,9 @@
 """Case `latency`: from a lidar message to the setpoint that follows from it, on a busy machine.
 
-A simulated vehicle is led by a companion, in processes of their own. This process is the station that follows the
-flight, and passes the companion's link on: so it knows when each scan went off to the companion. Beside it one more
-process makes a plan over and over. The companion's process says when what follows from a scan was sent. One more gets
-the same scans at the same time and does nothing but note when: what the machine gives anybody.
+A simulated vehicle is led by a companion among obstacles, in processes of their own. This process is the station that
+follows the flight, and passes the companion's link on: so it knows when each scan went off to the companion. Beside it
+one more process makes a plan over and over. The companion's process says when what follows from a scan was sent. One
+more gets the same scans at the same time and does nothing but note when: what the machine gives anybody.
 """
 
 from __future__ import annotations
@@ -26,8 +26,9 @@ from gcs.core.frames import GeoPoint, geodetic_from_enu
 from gcs.core.progress import SilentProgress
 from gcs.mavlink.framing import FrameParser
 from gcs.services.benchmarks.mavlink_offboard import beside
+from gcs.services.benchmarks.random_obstacles import random_obstacles
 from gcs.services.benchmarks.row import Row
-from gcs.services.benchmarks.wall_plan import ANCHOR, WALL_M, wall_plan
+from gcs.services.benchmarks.wall_plan import ANCHOR, HOME_M, WALL_M, wall_plan
 from gcs.services.companion.core import CompanionOptions
 from gcs.services.companion.process import run_companion
 from gcs.services.plan_writing import write_certified
@@ -38,10 +39,14 @@ from gcs.storage.solid_shapes import box, structure_of_solids
 
 if TYPE_CHECKING:
     from gcs.mavlink.received_message import ReceivedMessage
+    from gcs.services.benchmarks.random_obstacles import Spec
+    from gcs.services.benchmarks.wall_plan import WallPlan
 
 SCAN = "OBSTACLE_DISTANCE"
 ASKED_MS = 50.0
 LEADS_WITHIN_S = 120.0
+OBSTACLE_SEEDS = (3, 8, 11, 19, 24)
+"""Of so many random worlds all obstacles are there at once."""
 
 
 def run(quick: bool) -> list[Row]:
@@ -124,7 +129,9 @@ async def _measure(scratch: Path, seconds: float, others: list[str]) -> tuple[li
         running.callback(transport.close)
         async with services.running(_nothing):
             url = await services.vehicles.station.open("udpin:127.0.0.1:0")
-            extra = ("--companion", str(passed_on.port), "--tcp-base", "none")
+            obstacles = scratch / "obstacles.json"
+            obstacles.write_text(json.dumps({"obstacles": _obstacles(made)}), encoding="utf-8")
+            extra = ("--companion", str(passed_on.port), "--tcp-base", "none", "--obstacles", str(obstacles))
             port, anchor = int(url.rsplit(":", 1)[1]), GeoPoint(*ANCHOR)
             running.enter_context(Simulator(SimulatorOptions(port=port, home=home, anchor=anchor, extra=extra)))
             companion = running.enter_context(_process(f"udpout:127.0.0.1:{passed_on.port}", str(folder), str(scratch)))
@@ -139,6 +146,24 @@ async def _measure(scratch: Path, seconds: float, others: list[str]) -> tuple[li
     within = {stamp: at_s for stamp, at_s in passed_on.scans.items() if begin_s <= at_s < end_s}
     ours, others_s = ([1e3 * (at[stamp] - at_s) for stamp, at_s in within.items() if stamp in at] for at in told)
     return ours, others_s
+
+
+def _obstacles(made: WallPlan) -> list[Spec]:
+    """What stands and moves about the way, as in an obstacle file; it goes to and fro for ever."""
+    plan = made.plan
+    way_m = plan.trajectory.value(np.arange(0.0, plan.trajectory.duration_s, 0.2))
+    viewpoints_m = np.array([viewpoint.position_m for viewpoint in plan.viewpoints])
+    drawn = [
+        obstacle
+        for seed in OBSTACLE_SEEDS
+        for obstacle in random_obstacles(
+            np.random.default_rng(seed), way_m, np.asarray(HOME_M), viewpoints_m, plan.scenario.centre_clearance_m
+        )
+    ]
+    return [
+        {key: value for key, value in obstacle.items() if key != "name"} | {"repeats": len(obstacle["path_m"]) > 1}
+        for obstacle in drawn
+    ]
 
 
 def _process(*arguments: str) -> subprocess.Popen[str]:

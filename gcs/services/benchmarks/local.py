@@ -54,7 +54,6 @@ PATIENCE = 20_000
 
 BETWEEN_LOOKS = 50
 FIELD_SEED = 1
-REPEATS = 3
 
 
 def run(quick: bool) -> list[Row]:
@@ -128,6 +127,7 @@ def _seconds_to_near_optimum(planner: type[SamplingPlanner], area: BinaryMap, se
 def _random_fields(fields: int) -> list[Row]:
     rng = np.random.default_rng(FIELD_SEED)
     seconds, excess, collisions = [], [], 0
+    shortest_path(START_M, GOAL_M, ConvexObstacles.of(random_field(np.random.default_rng(0)).polygons_m))  # is loaded
     for _ in range(fields):
         field = random_field(rng)
         paths: list[LocalPath] = []
@@ -135,8 +135,7 @@ def _random_fields(fields: int) -> list[Row]:
         def plan(field: Field = field, paths: list[LocalPath] = paths) -> None:
             paths.append(shortest_path(field.start_m, field.goal_m, ConvexObstacles.of(field.polygons_m)))
 
-        plan()  # loads the compiled kernels, and the field into the processor's cache
-        seconds.append(min(_cpu_seconds(plan) for _ in range(REPEATS)))
+        seconds.append(_cpu_seconds(plan))
         excess.append(paths[0].length_m / exact_length(field) - 1)
         collisions += collides(paths[0].points_m, field.polygons_m)
     case, oracle = f"random-{fields}", "visibility graph"

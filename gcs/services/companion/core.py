@@ -32,7 +32,7 @@ from gcs.services.companion.announced_plans import AnnouncedPlans
 from gcs.services.companion.departure_report import departure_reports, unreached
 from gcs.services.companion.lease_memory import LeaseMemory
 from gcs.services.companion.led_flight import LedFlight, Progress
-from gcs.services.companion.objections import OBJECTION_S, away_from_start, silent_lidar, unfit_senses
+from gcs.services.companion.objections import OBJECTION_S, away_from_start, blind_lidar, unfit_senses
 from gcs.services.companion.own_vehicle import OwnVehicle
 from gcs.services.companion.senses import SENSOR_MESSAGES, Senses
 from gcs.storage.lease_file import KeptLease
@@ -166,6 +166,12 @@ class CompanionCore:
         if now >= self._tell_at:
             self._tell()
 
+    def fail(self, why: str) -> None:
+        """Something is wrong here: lead no more; the vehicle does what it does when its setpoints stop."""
+        if self._flight is not None:
+            self._flight.stop(why)
+        self._notice_end()
+
     @property
     def status(self) -> LeaseStatus:
         """What is told of the lease."""
@@ -216,13 +222,14 @@ class CompanionCore:
         self._introduction = SteppedTask(self._vehicle.introduce())
 
     def _take_sensor(self, message: Message, vehicle: OwnVehicle) -> None:
-        measured = self._senses.take(message, vehicle)
+        hull_m = 0.0 if self._flyable is None else self._flyable.plan.scenario.vehicle.radius_m
+        measured = self._senses.take(message, vehicle, hull_m)
         if measured is None or self._flight is None or self._flight.over:
             return
         try:
             self._flight.see(*measured)
         except InputError as error:
-            self._senses.refuse(error)
+            self._senses.refuse(error, measured[1])
 
     # ---- orders ----
 
@@ -421,7 +428,7 @@ class CompanionCore:
         newest = vehicle.poses.newest
         lost = newest is None or now - newest.at_s > POSITION_SILENT_S
         problems = {
-            "lidar": silent_lidar(self._senses, self._options, now),
+            "lidar": blind_lidar(self._senses, self._options, now),
             "position": "the position is old" if lost else None,
             "odometry": self._senses.odometry.problem(now),
         }

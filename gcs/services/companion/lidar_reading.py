@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -18,19 +19,30 @@ if TYPE_CHECKING:
 POINT_SECTORS = 72
 
 
-def scan_of_sectors(message: Message, yaw_rad: float) -> LidarScan:
+def scan_of_sectors(message: Message, yaw_rad: float, hull_m: float) -> tuple[LidarScan, float | None]:
     """The scan of an OBSTACLE_DISTANCE: each beam is the least range within its step.
+
+    What is nearer than the sensor can measure, or inside the hull, is on the vehicle or the sensor itself: nothing is
+    known of what lies behind it.
 
     Args:
         message: as received.
         yaw_rad: of the vehicle's nose, from east; for sectors that are told about north.
+        hull_m: radius of the vehicle about the sensor.
+
+    Returns:
+        The scan, and the bearing (rad, left of the nose) of something on the vehicle; None when there is nothing.
 
     Raises:
         InputError: the message, or the scan in it, cannot be used; it says why.
     """
     sectors = obstacle_sectors(message)
     first = sectors.first_rad - (yaw_rad if sectors.northward else 0.0)
-    return LidarScan(sectors.ranges_m, first, sectors.step_rad, sectors.most_m, sectors.known)
+    scan = LidarScan(sectors.ranges_m, first, sectors.step_rad, sectors.most_m, sectors.known)
+    touching = sectors.known & (sectors.ranges_m < max(hull_m, sectors.least_m))
+    if not touching.any():
+        return scan, None
+    return replace(scan, known=sectors.known & ~touching), first + sectors.step_rad * int(touching.argmax())
 
 
 class PointGathering:

@@ -21,16 +21,17 @@ NEAR_START_M = 3.0
 """A lease begins only when the vehicle hovers within this of the place where the plan goes on."""
 
 
-def silent_lidar(senses: Senses, options: CompanionOptions, now_s: float) -> str | None:
-    """Says so when a lidar that is needed gives no good scans (`now_s`: the vehicle's clock)."""
+def blind_lidar(senses: Senses, options: CompanionOptions, now_s: float) -> str | None:
+    """Says so when a lidar that is needed gives no good scans, or not all round (`now_s`: the vehicle's clock)."""
+    if not options.needs_lidar:
+        return None
     age_s = senses.lidar_age_s(now_s)
-    silent = options.needs_lidar and (age_s is None or age_s > options.lidar_silent_s)
-    return "the lidar is silent" if silent else None
+    return "the lidar is silent" if age_s is None or age_s > options.lidar_silent_s else senses.covered(now_s)
 
 
 def unfit_senses(senses: Senses, options: CompanionOptions, now_s: float) -> str | None:
     """What is wrong with lidar or odometry; None when nothing is."""
-    return silent_lidar(senses, options, now_s) or senses.odometry.problem(now_s)
+    return blind_lidar(senses, options, now_s) or senses.odometry.problem(now_s)
 
 
 def away_from_start(flyable: FlyablePlan, vehicle: OwnVehicle, now_s: float, plan_s: float | None) -> str | None:

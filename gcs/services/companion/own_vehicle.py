@@ -168,7 +168,10 @@ class OwnVehicle:
             if round_trip_s is not None:
                 self._vehicle_clock.round_trip(round_trip_s)
         elif kind == "RC_CHANNELS":
-            self._sticks = tuple(int(getattr(message, name)) for name in STICKS)
+            self._sticks = sticks = tuple(int(getattr(message, name)) for name in STICKS)
+            # a stick that was not told yet when it mattered is where it is first heard
+            before = zip(self._sticks_at_start or sticks, sticks, strict=True)
+            self._sticks_at_start = tuple(was if was in STICK_RANGE_US else now for was, now in before)
         elif kind == "HEARTBEAT":
             armed = bool(message.base_mode & mavlink.MAV_MODE_FLAG_SAFETY_ARMED)
             return self.guard.on_heartbeat(Shown(int(message.custom_mode), armed, int(message.system_status)), now)

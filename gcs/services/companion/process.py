@@ -187,7 +187,12 @@ class _Shell:
                         await self._wake.wait()
             else:
                 await asyncio.sleep(0)
-            core.on_time()
+            try:
+                core.on_time()
+            except Exception:  # the link, and the reports that still wait, must outlive it
+                log.exception("an error of its own")
+                core.fail("an error in the companion: see its log")
+                await asyncio.sleep(LONGEST_SLEEP_S)
 
     def _heard(self, link: Link, peer: Peer, message: ReceivedMessage) -> None:
         del link

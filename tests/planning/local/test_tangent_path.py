@@ -114,6 +114,14 @@ def test_the_work_is_bounded():
         shortest_path(field.start_m, field.goal_m, obstacles, most_sight_tests=needed - 1)
 
 
+def test_looking_for_tangents_is_work_too():
+    """Among thousands of corners hardly any sight is free: nearly all of the time goes into finding what to test."""
+    blocked = np.random.default_rng(1).random((160, 160)) < 0.1
+    blocked[:3, :3] = blocked[-3:, -3:] = False
+    with pytest.raises(InfeasibleError, match="no way was found in 20"):
+        shortest_path((0.3, 0.3), (31.7, 31.7), area=BinaryMap(blocked, np.zeros(2), 0.2))
+
+
 @pytest.mark.parametrize(
     ("start", "goal", "field", "words"),
     [
