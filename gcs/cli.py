@@ -436,7 +436,7 @@ def companion(
     """Run beside an autopilot: fly plans by lease, evade what is not in them, and report; until interrupted."""
     from contextlib import suppress
 
-    from gcs.services.companion.core import CompanionOptions
+    from gcs.services.companion.companion_options import CompanionOptions
     from gcs.services.companion.process import run_companion
 
     running = run_companion(

@@ -82,11 +82,13 @@ class ObstaclePoint:
 
     Attributes:
         offset_m: forward, left and up of the vehicle's body (its attitude not taken out), shape (3,).
+        least_m: what is nearer cannot be measured.
         most_m: reach of the sensor.
         time_boot_s: the sender's clock; all of one scan carry the same.
     """
 
     offset_m: NDArray[np.float64]
+    least_m: float
     most_m: float
     time_boot_s: float
 
@@ -102,6 +104,7 @@ def obstacle_point(message: Message) -> ObstaclePoint:
         raise InputError(f"frame {message.frame} is not about the vehicle's body", field="frame")
     if not np.isfinite(offset).all() or not offset.any():
         raise InputError("an obstacle on the vehicle itself, or nowhere, is not used", field="x")
-    if not 0 < message.max_distance < math.inf:
-        raise InputError(f"a reach of {message.max_distance:g} m is impossible", field="max_distance")
-    return ObstaclePoint(offset, float(message.max_distance), message.time_boot_ms * 1e-3)
+    if not 0 <= message.min_distance < message.max_distance < math.inf:
+        span = f"{message.min_distance:g} to {message.max_distance:g} m"
+        raise InputError(f"a reach of {span} is impossible", field="max_distance")
+    return ObstaclePoint(offset, float(message.min_distance), float(message.max_distance), message.time_boot_ms * 1e-3)

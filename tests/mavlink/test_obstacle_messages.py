@@ -37,7 +37,8 @@ def test_sectors_go_clockwise_on_the_wire_and_counter_clockwise_here():
     assert sectors.ranges_m[[0, 18]] == pytest.approx([10.0, 2.5])
     assert sectors.ranges_m[36] == math.inf
     assert np.flatnonzero(sectors.known).tolist() == [0, 18, 36]
-    assert (sectors.most_m, sectors.at_us, sectors.northward) == (30.0, 5_000_000, False)
+    assert (sectors.least_m, sectors.most_m) == (0.2, 30.0)
+    assert (sectors.at_us, sectors.northward) == (5_000_000, False)
 
 
 def test_offset_and_fine_increment():
@@ -77,20 +78,27 @@ def test_more_than_a_circle_is_refused():
 
 
 def point(x=3.0, y=4.0, z=1.0, **changes):
-    fields = {"frame": mavlink.MAV_FRAME_BODY_FRD, "max_distance": 30.0} | changes
+    fields = {"frame": mavlink.MAV_FRAME_BODY_FRD, "min_distance": 0.2, "max_distance": 30.0} | changes
     return mavlink.MAVLink_obstacle_distance_3d_message(
-        1500, 0, fields["frame"], 65535, x, y, z, 0.2, fields["max_distance"]
+        time_boot_ms=1500, sensor_type=0, obstacle_id=65535, x=x, y=y, z=z, **fields
     )
 
 
 def test_a_point_is_forward_left_and_up():
     read = obstacle_point(point())
     assert read.offset_m == pytest.approx([3.0, -4.0, -1.0])
-    assert read.time_boot_s == 1.5
+    assert (read.time_boot_s, read.least_m, read.most_m) == (1.5, 0.2, 30.0)
 
 
 @pytest.mark.parametrize(
-    "message", [point(x=math.nan), point(x=0.0, y=0.0, z=0.0), point(frame=0), point(max_distance=-1.0)]
+    "message",
+    [
+        point(x=math.nan),
+        point(x=0.0, y=0.0, z=0.0),
+        point(frame=0),
+        point(max_distance=-1.0),
+        point(min_distance=math.nan),
+    ],
 )
 def test_impossible_points_are_refused(message):
     with pytest.raises(InputError):

@@ -134,14 +134,44 @@ def test_other_acknowledgements_do_not_count():
     assert world.outbox.pending == 1
 
 
-def test_a_long_report_goes_in_bursts_that_a_radio_can_take():
+def test_a_long_report_goes_out_as_a_radio_can_take_it():
     world = ReportWorld(3, loss=0.1)
     world.outbox.add(sample_report(points=400, viewpoints=60))
-    assert world.sent == 8
+    assert world.sent == 12
     world.run(1.0)
-    assert world.sent == 48
+    assert world.sent == 52
     world.run(19.0)
     assert len(world.stored[0][1].path) == 400
+
+
+def test_without_an_answer_no_report_makes_the_radio_carry_more_than_it_can():
+    world = ReportWorld(3)
+    world.broken = True
+    for _ in range(30):
+        world.outbox.add(sample_report(points=48, viewpoints=8))
+        before = world.sent
+        world.run(0.5)
+        assert world.sent - before <= 20
+    assert world.sent <= 12 + 40 * 15
+
+
+def test_where_answers_come_quickly_the_next_report_follows_at_once():
+    world = ReportWorld(3)
+    for _ in range(10):
+        world.outbox.add(sample_report(points=48, viewpoints=8))
+    world.run(10 * 2 * world.one_way_s)
+    assert len(world.stored) == 10
+
+
+def test_the_largest_report_of_a_departure_is_there_within_a_second_as_well():
+    delays = []
+    for seed in range(1000):
+        world = ReportWorld(seed, loss=0.1)
+        world.outbox.add(sample_report(points=48, viewpoints=8))
+        world.run(20.0)
+        delays.append(world.stored[0][0])
+    assert np.percentile(delays, 99) < 0.7
+    assert np.percentile(delays, 50) < 0.3
 
 
 def test_what_does_not_fit():

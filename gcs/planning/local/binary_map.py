@@ -7,11 +7,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from gcs.core.errors import InputError
+from gcs.planning.numerics.compiled import compiled
 from gcs.planning.scene.distance_transform import squared_distance_transform
 
 if TYPE_CHECKING:
@@ -19,6 +21,9 @@ if TYPE_CHECKING:
 
 MOST_CELLS = 50_000_000
 ROUNDING_M = 1e-9
+
+Floats = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
+Marks = np.ndarray[tuple[int, ...], np.dtype[np.bool_]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,11 +85,16 @@ class BinaryMap:
         """
         if not 0 <= distance_m < math.inf:
             raise InputError(f"the safe distance must be finite and not negative, not {distance_m:g}", field="R")
-        flat = self.blocked if self.dimensions == 3 else self.blocked[:, :, None]
         # Two points in cells whose middles are d apart are at least d less one diagonal apart.
         reach = distance_m / self.cell_m + math.sqrt(self.dimensions)
-        near = squared_distance_transform(flat) < reach**2 if distance_m else flat
-        return BinaryMap(near.reshape(self.blocked.shape), self.origin_m, self.cell_m)
+        near = self._squared_distances < reach**2 if distance_m else self.blocked
+        return BinaryMap(near, self.origin_m, self.cell_m)
+
+    @cached_property
+    def _squared_distances(self) -> NDArray[np.float32]:
+        """From the nearest blocked cell, in cells, middle to middle: a map may be grown by one margin after another."""
+        flat = self.blocked if self.dimensions == 3 else self.blocked[:, :, None]
+        return squared_distance_transform(flat).reshape(self.blocked.shape)
 
     def room_m(self, point_m: ArrayLike) -> float:
         """The distance by which the map can be grown with a point (d,) still free; negative when there is none."""
@@ -93,6 +103,27 @@ class BinaryMap:
             return math.inf
         away = np.linalg.norm(cells - np.floor(self.cells(point_m)), axis=1).min()
         return float(away - math.sqrt(self.dimensions)) * self.cell_m - ROUNDING_M
+
+
+@compiled
+def mark_about(marked: Marks, start: Floats, end: Floats, reach: float) -> None:
+    """Mark the cells of a map of the plane whose middles are nearer to a straight than a reach.
+
+    Args:
+        marked: shape (nx, ny).
+        start: of the straight, in cells, shape (2,); it may be off the map.
+        end: likewise.
+        reach: in cells.
+    """
+    x, y = start
+    dx, dy = end[0] - x, end[1] - y
+    square = max(dx * dx + dy * dy, 1e-12)
+    for i in range(max(int(min(x, x + dx) - reach), 0), min(int(max(x, x + dx) + reach) + 1, marked.shape[0])):
+        for j in range(max(int(min(y, y + dy) - reach), 0), min(int(max(y, y + dy) + reach) + 1, marked.shape[1])):
+            ox, oy = i + 0.5 - x, j + 0.5 - y
+            along = min(max((ox * dx + oy * dy) / square, 0.0), 1.0)
+            if (ox - along * dx) ** 2 + (oy - along * dy) ** 2 < reach * reach:
+                marked[i, j] = True
 
 
 def check_query(area: BinaryMap, start_m: ArrayLike, goal_m: ArrayLike) -> None:

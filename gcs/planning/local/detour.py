@@ -4,8 +4,8 @@ The shortest way on the map between the two places (`tangent_path`) gives the co
 trajectory's own velocity, acceleration and jerk at both ends. Slower and slower curves are tried, with more points on
 the way where one cuts into an obstacle, until the limits hold on the true extrema and the whole curve is proved free.
 A slow one joins a trajectory that is itself flown slower, until it next stands still: as all its times are stretched
-alike, that joins as smoothly. What the search does is bounded; when nothing holds, that is said, and the vehicle must
-stop.
+alike, that joins as smoothly. Both the search and the curves are bounded by a budget; when nothing holds within it,
+that is said, and the vehicle must stop.
 """
 
 from __future__ import annotations
@@ -25,6 +25,7 @@ from gcs.planning.local.curve_clearance import CellCounts
 from gcs.planning.local.curve_parts import joined_curves, motion_at, part_of_curve
 from gcs.planning.local.detour_times import profile_times
 from gcs.planning.local.map_ways import REFINEMENTS, at_heights, way_on_map, with_middles
+from gcs.planning.local.search_budget import SearchBudget
 from gcs.planning.trajectories.unconstrained_minimum_snap import minimum_snap_spline
 
 if TYPE_CHECKING:
@@ -58,9 +59,6 @@ NEAREST_M = 1e-3
 
 SHARE_OF_ACCELERATION = 0.5
 """What the speed profile may use of the acceleration limit: snap is finite, and corners need the rest."""
-
-MOST_CURVES = 40
-"""Curves that are tried for one piece: what bounds its time."""
 
 
 @dataclass(frozen=True)
@@ -141,6 +139,7 @@ def plan_detour(
     options: DetourOptions | None = None,
     stops_s: Sequence[float] = (),
     standing: BinaryMap | None = None,
+    budget: SearchBudget | None = None,
 ) -> Detour | None:
     """Fly round what blocks the trajectory, as soon as may be.
 
@@ -152,13 +151,14 @@ def plan_detour(
         options: what it may be like.
         stops_s: times of the viewpoints. The piece does not leave the trajectory before those that can be reached.
         standing: what the trajectory itself is held against, at all heights, when that is less than `area`.
+        budget: what may be spent on it; a whole one when it is not given.
 
     Returns:
         The piece, or None when nothing blocks the trajectory as far as is looked.
 
     Raises:
         InputError: `now_s` is not on the trajectory.
-        InfeasibleError: no piece holds: hold or back off.
+        InfeasibleError: no piece holds, or none was found within the budget: hold or back off.
     """
     options = options or DetourOptions()
     if not 0 <= now_s < trajectory.duration_s:
@@ -173,7 +173,7 @@ def plan_detour(
     leave_s = max([earliest, *[stop for stop in stops_s if earliest < stop <= trouble_s]])
     rejoins_s = _rejoins(times, blocked, int(blocked.argmax()) + 1)
     start = motion_at(trajectory, leave_s)
-    return _joining(start, trajectory, leave_s, rejoins_s, area, limits, options, stops_s)
+    return _joining(start, trajectory, leave_s, rejoins_s, area, limits, options, stops_s, budget or SearchBudget())
 
 
 def plan_return(
@@ -184,6 +184,7 @@ def plan_return(
     limits: FlightLimits,
     options: DetourOptions | None = None,
     standing: BinaryMap | None = None,
+    budget: SearchBudget | None = None,
 ) -> Detour:
     """Come back to a trajectory from somewhere beside it, behind all that blocks it as far as is looked.
 
@@ -195,9 +196,10 @@ def plan_return(
         limits: kept on the true extrema of the piece.
         options: what the piece may be like.
         standing: what the trajectory itself is held against, at all heights, when that is less than `area`.
+        budget: what may be spent on it; a whole one when it is not given.
 
     Raises:
-        InfeasibleError: no piece holds.
+        InfeasibleError: no piece holds, or none was found within the budget.
     """
     options = options or DetourOptions()
     rejoins_s = [trajectory.duration_s]
@@ -205,7 +207,7 @@ def plan_return(
         times, blocked = _blocked_windows(trajectory, from_s, standing or area, options)
         behind = int(np.flatnonzero(blocked)[-1]) + 1 if blocked.any() else 0
         rejoins_s = _rejoins(times, blocked, behind) or rejoins_s
-    return _joining(state, trajectory, from_s, rejoins_s, area, limits, options, ())
+    return _joining(state, trajectory, from_s, rejoins_s, area, limits, options, (), budget or SearchBudget())
 
 
 def _joining(
@@ -217,17 +219,16 @@ def _joining(
     limits: FlightLimits,
     options: DetourOptions,
     stops_s: Sequence[float],
+    budget: SearchBudget,
 ) -> Detour:
     """The first piece that holds from a state (4, 3) to one of some times on the trajectory."""
     wall = CellCounts(area)
-    ways = list(_ways(start[0], trajectory, rejoins_s, area, options))
-    curves_left = MOST_CURVES
-    for (after, paces), (rejoin_s, way) in itertools.product(PACES.items(), ways):
-        end = motion_at(trajectory, rejoin_s) * after ** np.arange(4)[:, None]
-        if np.linalg.norm(end[0] - start[0]) < NEAREST_M:
-            continue
-        curve, tried = _free_curve(start, end, way, paces, wall, limits, options, curves_left)
-        curves_left -= tried
+    ends = [(rejoin_s, motion_at(trajectory, rejoin_s)) for rejoin_s in rejoins_s]
+    ends = [(rejoin_s, end) for rejoin_s, end in ends if np.linalg.norm(end[0] - start[0]) >= NEAREST_M]
+    ways = list(_ways(start[0], ends, area, options, budget))
+    for (after, paces), (rejoin_s, end, way) in itertools.product(PACES.items(), ways):
+        slower = end * after ** np.arange(4)[:, None]
+        curve = _free_curve(start, slower, way, paces, wall, limits, options, budget)
         if curve is not None:
             own_pace_s = rejoin_s if after == 1.0 else _next_standstill_s(trajectory, rejoin_s, stops_s)
             return Detour(leave_s, rejoin_s, curve, after, own_pace_s, way)
@@ -267,21 +268,19 @@ def _rejoins(times: NDArray[np.float64], blocked: NDArray[np.bool_], first: int)
 
 def _ways(
     start: NDArray[np.float64],
-    trajectory: PiecewisePolynomial,
-    rejoins_s: Sequence[float],
+    ends: Sequence[tuple[float, NDArray[np.float64]]],
     area: BinaryMap,
     options: DetourOptions,
-) -> Iterator[tuple[float, NDArray[np.float64]]]:
-    """Ways on the map from a place (3,), each with the time at which it joins the trajectory again."""
+    budget: SearchBudget,
+) -> Iterator[tuple[float, NDArray[np.float64], NDArray[np.float64]]]:
+    """Ways on the map from a place (3,) to each end (4, 3), with its time on the trajectory."""
     for margin_m in options.margins_m:
-        grown = area.grown(margin_m)
-        for rejoin_s in rejoins_s:
-            goal = trajectory.value(rejoin_s)
-            if not all(_in_slab(point[2], options) for point in (start, goal)):
+        for rejoin_s, end in ends:
+            if not all(_in_slab(point[2], options) for point in (start, end[0])):
                 continue
-            way = way_on_map(start[:2], goal[:2], area, grown, margin_m)
+            way = way_on_map(start[:2], end[0, :2], area, margin_m, budget)
             if way is not None:
-                yield rejoin_s, way
+                yield rejoin_s, end, way
 
 
 def _in_slab(height_m: float, options: DetourOptions) -> bool:
@@ -296,9 +295,9 @@ def _free_curve(
     wall: CellCounts,
     limits: FlightLimits,
     options: DetourOptions,
-    most_curves: int,
-) -> tuple[PiecewisePolynomial | None, int]:
-    """The quickest of some curves along a way that holds the limits and is free, or None, and how many were tried.
+    budget: SearchBudget,
+) -> PiecewisePolynomial | None:
+    """The quickest of some curves along a way that holds the limits and is free, or None.
 
     Args:
         start: position, velocity, acceleration and jerk there, shape (4, 3).
@@ -308,16 +307,15 @@ def _free_curve(
         wall: the map.
         limits: kept on the true extrema.
         options: for the slab.
-        most_curves: that are tried.
+        budget: for the curves.
     """
-    tried = 0
     for pace in paces:
         points = at_heights(way_m, float(start[0, 2]), float(end[0, 2]))
         points[0], points[-1] = start[0], end[0]
         for _ in range(REFINEMENTS + 1):
-            if tried == most_curves:
-                return None, tried
-            tried += 1
+            if not budget.curves:
+                return None
+            budget.curves -= 1
             lengths = np.linalg.norm(np.diff(points, axis=0), axis=1)
             times = profile_times(
                 lengths,
@@ -331,6 +329,6 @@ def _free_curve(
                 break
             bad = options.bad_pieces(curve, wall)
             if not bad.any():
-                return curve, tried
+                return curve
             points = with_middles(points, bad)
-    return None, tried
+    return None

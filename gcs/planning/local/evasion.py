@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from gcs.core.errors import InfeasibleError
-from gcs.planning.local.binary_map import BinaryMap
+from gcs.planning.local.binary_map import BinaryMap, mark_about
 from gcs.planning.local.curve_checks import within_limits
 from gcs.planning.local.curve_clearance import CellCounts
 from gcs.planning.local.curve_parts import joined_curves, motion_at, part_of_curve
@@ -23,6 +23,7 @@ from gcs.planning.local.detour import STILL_M_S, Detour, DetourOptions, plan_det
 from gcs.planning.local.lidar_map import BESIDE_M
 from gcs.planning.local.rest_search import search_rest
 from gcs.planning.local.room import Room, room_about
+from gcs.planning.local.search_budget import SearchBudget
 from gcs.planning.local.space_time import STEP_S, MovingClearance, Predictions, first_conflict_s
 
 if TYPE_CHECKING:
@@ -115,6 +116,7 @@ def evade(
     forbidden: NDArray[np.bool_] | None = None,
     stay: bool = False,
     room: Room | None = None,
+    budget: SearchBudget | None = None,
 ) -> Evasion:
     """Choose what to do.
 
@@ -130,12 +132,14 @@ def evade(
         forbidden: cells of the map that nothing new may enter though no lidar sees why, of the map's shape.
         stay: come to rest, whatever comes.
         room: `standing_room` of all this where it is known already.
+        budget: what may be spent on detours; a whole one when it is not given.
 
     Raises:
         InputError: `now_s` is not on the trajectory.
         InfeasibleError: no curve to rest keeps off what stands.
     """
     room = room or room_about(_without(seen, tracks, clock_s), forbidden, options.safe_m)
+    budget = budget or SearchBudget()
     predictions = Predictions.of(tracks, clock_s, options.moving)
     best: Evasion | None = None
     if not stay:
@@ -143,7 +147,7 @@ def evade(
         met_s = first_conflict_s(predictions.margins_m(rest))
         for area, standing in _maps_to_fly_round(room, tracks, clock_s, met_s, options):
             try:
-                detour = plan_detour(trajectory, now_s, area, limits, options.detour, stops_s, standing)
+                detour = plan_detour(trajectory, now_s, area, limits, options.detour, stops_s, standing, budget)
             except InfeasibleError:
                 continue
             flown = rest if detour is None else _from_now(detour, trajectory, now_s)
@@ -188,15 +192,12 @@ def _maps_to_fly_round(
     if met_s is None:
         return
     swept = np.zeros(area.blocked.shape, dtype=np.bool_)
-    middles = area.points_m(np.moveaxis(np.indices(swept.shape), 0, -1) + 0.5)
     times = clock_s + max(met_s - SWEPT_S, 0.0), clock_s + met_s + SWEPT_S
     for track in tracks:
-        first, last = track.positions(times)
+        first, last = area.cells(track.positions(times))
         unsure = options.moving.sigmas * float(track.deviations_m(times).max())
         kept = options.moving.keep_m + track.radius_m + min(unsure, options.moving.most_unsure_m)
-        move = last - first
-        along = np.clip((middles - first) @ move / max(float(move @ move), 1e-9), 0.0, 1.0)
-        swept |= ((middles - first - along[..., None] * move) ** 2).sum(axis=-1) < kept**2
+        mark_about(swept, first, last, kept / area.cell_m)
     yield (
         BinaryMap(area.blocked | swept, area.origin_m, area.cell_m),
         BinaryMap(standing.blocked | swept, area.origin_m, area.cell_m),

@@ -16,6 +16,8 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from gcs.planning.local.search_budget import SearchBudget
+
 OPENED_CELLS = 3
 """The margin begins so many cells further from the ends of a way than it is wide."""
 
@@ -24,7 +26,7 @@ REFINEMENTS = 5
 
 
 def way_on_map(
-    start_m: NDArray[np.float64], goal_m: NDArray[np.float64], area: BinaryMap, grown: BinaryMap, margin_m: float
+    start_m: NDArray[np.float64], goal_m: NDArray[np.float64], area: BinaryMap, margin_m: float, budget: SearchBudget
 ) -> NDArray[np.float64] | None:
     """The shortest way from a place (2,) to another that keeps a margin but near its ends, shape (K, 2).
 
@@ -32,14 +34,15 @@ def way_on_map(
         start_m: shape (2,).
         goal_m: shape (2,).
         area: what is blocked.
-        grown: the same, grown by the margin.
         margin_m: the margin.
+        budget: for the search.
 
     Returns:
-        None when there is no way.
+        None when there is no way, or none was found within the budget.
     """
+    opened = _opened(area, (start_m, goal_m), margin_m)
     try:
-        return shortest_path(start_m, goal_m, area=_opened(grown, area, (start_m, goal_m), margin_m)).points_m
+        return shortest_path(start_m, goal_m, area=opened, budget=budget).points_m
     except (InputError, InfeasibleError):
         return None
 
@@ -59,9 +62,9 @@ def with_middles(points: NDArray[np.float64], bad: NDArray[np.bool_]) -> NDArray
     return np.asarray(np.insert(points, segments + 1, (points[segments] + points[segments + 1]) / 2, axis=0))
 
 
-def _opened(grown: BinaryMap, area: BinaryMap, ends_m: Sequence[NDArray[np.float64]], margin_m: float) -> BinaryMap:
+def _opened(area: BinaryMap, ends_m: Sequence[NDArray[np.float64]], margin_m: float) -> BinaryMap:
     """The map with the margin, but without it about both ends: a vehicle may stand at the very edge of free space."""
-    blocked = grown.blocked.copy()
+    blocked = area.grown(margin_m).blocked.copy()
     reach = math.ceil(margin_m / area.cell_m) + OPENED_CELLS
     for end in ends_m:
         cell = np.floor(area.cells(end)).astype(np.int64)

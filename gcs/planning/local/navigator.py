@@ -21,6 +21,7 @@ from gcs.planning.local.flown_leg import AT_REST_S, JUMP_S, FlownLeg, detoured, 
 from gcs.planning.local.hover import hover
 from gcs.planning.local.local_replan import Departure
 from gcs.planning.local.navigator_options import NavigatorOptions
+from gcs.planning.local.search_budget import SearchBudget
 from gcs.planning.local.space_time import MovingClearance, Predictions
 from gcs.planning.local.stream_loss_pace import slowed_for_stream_loss
 from gcs.planning.local.way_back import LOOKS, WayBack
@@ -183,6 +184,9 @@ class LocalNavigator:
     def decide(self, clock_s: float) -> tuple[LocalReplan, ...]:
         """Look again whether all is well, and change what is flown where it is not.
 
+        What it looks for is bounded by a `SearchBudget` for the whole of a decision: where nothing better is found
+        within it, the vehicle comes to rest, and looks again the next time.
+
         Args:
             clock_s: now.
 
@@ -193,13 +197,14 @@ class LocalNavigator:
         since_s, self._decided_s = clock_s - self._decided_s, clock_s
         scene = self._around.at(clock_s, self._flown.curve.value(self._flown.at(clock_s)))
         room = standing_room(scene, self._options.safe_m)
+        budget = SearchBudget()
         if self.away and not self._holding and self.gave_up is None and self._flown.joins_s == math.inf:
-            self._come_back(scene, room)
+            self._come_back(scene, room, budget)
             if self._flown.joins_s == math.inf:
                 if self._flown.ended(clock_s):
                     self._stuck_s += since_s
                 self._lose_patience(clock_s)
-        self._evade(scene, room)
+        self._evade(scene, room, budget)
         self._mind_stream_loss(scene, room)
         self._take_note(clock_s)
         reports, self._reports = tuple(self._reports), []
@@ -236,7 +241,7 @@ class LocalNavigator:
 
     # -- decisions
 
-    def _evade(self, scene: Scene, room: Room) -> None:
+    def _evade(self, scene: Scene, room: Room, budget: SearchBudget) -> None:
         """Fly something else where what is flown is not safe any more, or the vehicle is to hold."""
         clock_s, flown = scene.clock_s, self._flown
         now_s, curve = flown.at(clock_s), flown.curve
@@ -255,6 +260,7 @@ class LocalNavigator:
                 forbidden=scene.forbidden,
                 stay=stay and not flown.ended(clock_s) and flown.joins_s < math.inf,
                 room=room,
+                budget=budget,
             )
         except InfeasibleError:
             return  # there is nothing better than what is flown; it ends at rest
@@ -283,7 +289,7 @@ class LocalNavigator:
         if moving.least_margin_m(slow.curve) >= min(moving.least_margin_m(rest), 0.0):
             self._flown = slowed(flown, slow, now_s, clock_s)
 
-    def _come_back(self, scene: Scene, room: Room) -> None:
+    def _come_back(self, scene: Scene, room: Room, budget: SearchBudget) -> None:
         """Look for a way back to the leg once the vehicle stands."""
         clock_s = scene.clock_s
         if not self._flown.ended(clock_s) or clock_s < self._searched_s + SEARCH_EVERY_S:
@@ -295,7 +301,7 @@ class LocalNavigator:
         passes = [stop.time_s - self._leg_begin_s for stop in self._todo if not stop.dwell]
         last_s = min([*passes, self._leg.duration_s])
         first_s = self._time_beside(place, leg_s, last_s)
-        found = WayBack(self._leg, first_s, last_s, scene, room, self._limits, options).find(place, leg_s)
+        found = WayBack(self._leg, first_s, last_s, scene, room, self._limits, options, budget).find(place, leg_s)
         if found is None:
             return
         if found.joins_s < math.inf:

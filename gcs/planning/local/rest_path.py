@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 
     from gcs.planning.local.binary_map import BinaryMap
     from gcs.planning.local.detour import DetourOptions
+    from gcs.planning.local.search_budget import SearchBudget
 
 CLIMB = FlightLimits(0.8, 0.8)
 """The scanned plane moves with the vehicle: what comes into view on the way up or down must stop it at once."""
@@ -38,6 +39,7 @@ def rest_path(
     area: BinaryMap,
     limits: FlightLimits,
     options: DetourOptions,
+    budget: SearchBudget,
 ) -> PiecewisePolynomial | None:
     """A free curve from one place to another, both at rest; None when none was found.
 
@@ -47,14 +49,18 @@ def rest_path(
         area: map of the plane, grown by the safe distance and all errors.
         limits: kept on the true extrema.
         options: margins that are tried, the heights that are scanned, and what is forbidden at them.
+        budget: for the search and the curves along what it finds.
     """
     wall = CellCounts(area)
     for margin_m in options.margins_m:
-        way = way_on_map(place_m[:2], goal_m[:2], area, area.grown(margin_m), margin_m)
+        way = way_on_map(place_m[:2], goal_m[:2], area, margin_m, budget)
         if way is None:
             continue
         points = at_heights(way, float(place_m[2]), float(goal_m[2]))
         for _ in range(REFINEMENTS + 1):
+            if not budget.curves:
+                return None
+            budget.curves -= 1
             curve = _through(points, limits)
             bad = options.bad_pieces(curve, wall)
             if not bad.any():

@@ -1,7 +1,6 @@
 """The planner that flies: the shortest way in the plane among convex obstacles and blocked cells, always the same.
 
-It is exact, so no other planner finds a shorter way, and all that it does is counted in sight tests, of which it makes
-no more than it is allowed, so its time is bounded.
+It is exact, so no other planner finds a shorter way, and all its work is counted and bounded, so its time is bounded.
 """
 
 from __future__ import annotations
@@ -15,16 +14,14 @@ from gcs.core.errors import InfeasibleError, InputError
 from gcs.planning.local.binary_map import blocked_error, check_point, check_query
 from gcs.planning.local.cell_sight import convex_corners
 from gcs.planning.local.convex_obstacles import TOUCH_M, ConvexObstacles, PackedPolygons, inside_polygons
-from gcs.planning.local.tangent_search import FOUND, OUT_OF_TESTS, search_tangents
+from gcs.planning.local.search_budget import SearchBudget
+from gcs.planning.local.tangent_search import FOUND, OUT_OF_WORK, search_tangents
 from gcs.planning.numerics.compiled import compiled
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
     from gcs.planning.local.binary_map import BinaryMap
-
-MOST_SIGHT_TESTS = 20_000
-"""Sight tests before the search gives up; 1,000 fields of 5 to 40 polygons took 297 at most, crowded maps 12,000."""
 
 NO_OBSTACLES = ConvexObstacles(())
 
@@ -41,11 +38,11 @@ class LocalPath:
 
     Attributes:
         points_m: from start to goal, shape (K, 2), scene ENU.
-        sight_tests: that the search made, and what else it did counted as such: its time is proportional to it.
+        work: of the search, as `tangent_search` counts it: its time is proportional to it.
     """
 
     points_m: NDArray[np.float64]
-    sight_tests: int
+    work: int
 
     @property
     def length_m(self) -> float:
@@ -58,7 +55,7 @@ def shortest_path(
     goal_m: ArrayLike,
     obstacles: ConvexObstacles = NO_OBSTACLES,
     area: BinaryMap | None = None,
-    most_sight_tests: int = MOST_SIGHT_TESTS,
+    budget: SearchBudget | None = None,
 ) -> LocalPath:
     """The shortest way that enters no obstacle and no blocked cell; it may touch them.
 
@@ -67,12 +64,13 @@ def shortest_path(
         goal_m: likewise.
         obstacles: already grown by the safe distance.
         area: a map of the plane, already grown; the way stays on it. None for a plane without end.
-        most_sight_tests: bound of the search's work.
+        budget: its work bounds the search, which takes what it did from it; a whole one when it is not given.
 
     Raises:
         InputError: start or goal is not a point, or inside an obstacle, or off the map.
         InfeasibleError: there is no way, or none was found within the bound.
     """
+    budget = budget or SearchBudget()
     for field, point in (("start", start_m), ("goal", goal_m)):
         check_point(field, point, 2)
     start, goal = np.asarray(start_m, dtype=np.float64), np.asarray(goal_m, dtype=np.float64)
@@ -88,11 +86,12 @@ def shortest_path(
             raise blocked_error(field)
     points, before, after = _corners(polygons, convex_corners(blocked), blocked, origin, cell_m)
     points = np.concatenate((points, start[None], goal[None]))
-    outcome, way, tests = search_tangents(points, before, after, polygons, blocked, origin, cell_m, most_sight_tests)
+    outcome, way, work = search_tangents(points, before, after, polygons, blocked, origin, cell_m, budget.work)
+    budget.work = max(budget.work - work, 0)
     if outcome == FOUND:
-        return LocalPath(points[way], tests)
-    if outcome == OUT_OF_TESTS:
-        raise InfeasibleError(f"no way was found in {tests} tests of sight: hold, and ask for a nearer goal")
+        return LocalPath(points[way], work)
+    if outcome == OUT_OF_WORK:
+        raise InfeasibleError(f"no way was found within {work} steps of work: hold, and ask for a nearer goal")
     raise InfeasibleError("there is no way round the obstacles: hold or back off")
 
 

@@ -9,7 +9,7 @@ is taken to be upright: what was seen at one height is in the way at all of them
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -23,6 +23,7 @@ from gcs.planning.local.evasion import places_about
 from gcs.planning.local.flown_leg import JUMP_S, FlownLeg
 from gcs.planning.local.hover import hover
 from gcs.planning.local.rest_path import climb_to, rest_path, straight_path
+from gcs.planning.local.search_budget import SearchBudget
 from gcs.planning.local.soft_start import soft_start
 from gcs.planning.local.space_time import Predictions
 
@@ -78,6 +79,7 @@ class WayBack:
         room: how far everything is from what stands.
         limits: kept on the true extrema.
         options: what is kept.
+        budget: what may be spent on looking for it.
     """
 
     leg: PiecewisePolynomial
@@ -87,6 +89,7 @@ class WayBack:
     room: Room
     limits: FlightLimits
     options: EvasionOptions
+    budget: SearchBudget = field(default_factory=SearchBudget)
 
     @cached_property
     def area(self) -> BinaryMap:
@@ -138,7 +141,7 @@ class WayBack:
     def _direct(self, place_m: NDArray[np.float64], end_m: NDArray[np.float64], left_s: float) -> FlownLeg | None:
         if not self._is_scanned(float(end_m[2])):
             return None
-        curve = rest_path(place_m, end_m, self.area, self.limits, self.options.detour)
+        curve = rest_path(place_m, end_m, self.area, self.limits, self.options.detour, self.budget)
         if curve is None or not self._is_calm(curve):
             return None
         return self._flown(curve, curve.duration_s, self.leg.duration_s, left_s)
@@ -148,7 +151,14 @@ class WayBack:
         standing = np.stack([place_m, *np.zeros((3, 3))])
         try:
             back = plan_return(
-                standing, self.leg, self.first_s, self.area, self.limits, self.options.detour, self.standing
+                standing,
+                self.leg,
+                self.first_s,
+                self.area,
+                self.limits,
+                self.options.detour,
+                self.standing,
+                self.budget,
             )
         except InfeasibleError:
             return None
@@ -177,7 +187,7 @@ class WayBack:
                 break
             if len(tried) < MOST_STONES and all(np.linalg.norm(goal - other) > WORTH_M for other in [place_m, *tried]):
                 tried.append(goal)
-                curve = rest_path(place_m, goal, self.area, self.limits, self.options.detour)
+                curve = rest_path(place_m, goal, self.area, self.limits, self.options.detour, self.budget)
                 if curve is not None:
                     yield curve
         if not self._end_is_blocked:

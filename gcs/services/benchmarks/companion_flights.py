@@ -20,7 +20,8 @@ from gcs.services.benchmarks.lockstep_worlds import Order
 from gcs.services.benchmarks.random_obstacles import blocked_in_the_end, random_obstacles
 from gcs.services.benchmarks.report_world import ReportsInMemory
 from gcs.services.benchmarks.wall_plan import ANCHOR, HOME_M, WallPlans, wall_plan
-from gcs.services.companion.core import CompanionCore, CompanionOptions
+from gcs.services.companion.companion_options import CompanionOptions
+from gcs.services.companion.core import CompanionCore
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -29,7 +29,7 @@ from gcs.services.benchmarks.mavlink_offboard import beside
 from gcs.services.benchmarks.random_obstacles import random_obstacles
 from gcs.services.benchmarks.row import Row
 from gcs.services.benchmarks.wall_plan import ANCHOR, HOME_M, WALL_M, wall_plan
-from gcs.services.companion.core import CompanionOptions
+from gcs.services.companion.companion_options import CompanionOptions
 from gcs.services.companion.process import run_companion
 from gcs.services.plan_writing import write_certified
 from gcs.services.simulation import Simulator, SimulatorOptions

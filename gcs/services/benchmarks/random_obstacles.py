@@ -1,10 +1,12 @@
 """Obstacles about a plan, drawn at random, that a vehicle can avoid with a 2D lidar.
 
 What stands or moves in the way reaches above and below every height at which the plan is flown, or it stays well below:
-nobody avoids what the lidar cannot see. What moves is under way from the start: nobody avoids what stands beside him
-and sets out at full speed. Nothing comes near home, where the autopilot takes off and lands by itself, and what moves
-passes whatever is there by a gap that is wide enough to stay in. Few things come to stand where a picture is to be
-taken. Otherwise they do not care for the vehicle: they cross its way, stop on it, or come up to where it hovers.
+nobody avoids what the lidar cannot see. So people are 8 m tall here and drones 6 m; true ones, of which the lidar's
+plane may see nothing, are not in these worlds. What moves is under way from the start: nobody avoids what stands beside
+him and sets out at full speed. Nothing comes nearer to home than 7 m, where the autopilot takes off and lands by itself
+and nobody evades. What moves passes whatever is there by a gap that is wide enough to stay in. Few things come to stand
+where a picture is to be taken. Otherwise they do not care for the vehicle: they cross its way, stop on it, or come up
+to where it hovers.
 """
 
 from __future__ import annotations

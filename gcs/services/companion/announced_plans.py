@@ -24,11 +24,15 @@ class AnnouncedPlans:
     Args:
         plans: where plans come from.
         clock: monotonic seconds.
+
+    Attributes:
+        plan: the last that was ready.
     """
 
     def __init__(self, plans: PlanSource, clock: Clock) -> None:
         self._plans = plans
         self._clock = clock
+        self.plan: FlyablePlan | None = None
         self._plan_hash = ""
         self._asked_at = float("-inf")
         self._objects_since: float | None = None
@@ -59,6 +63,7 @@ class AnnouncedPlans:
             return plan_not_ready_message(plan_hash, str(error), refused=True)
         if plan is None:
             return plan_not_ready_message(plan_hash, "gets the plan and makes it ready", refused=False)
+        self.plan = plan
         return plan_ready_message(plan_hash)
 
     def _plan(self, plan_hash: str, offboard_timeout_s: float, *, anew: bool) -> FlyablePlan | None:

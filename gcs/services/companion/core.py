@@ -7,7 +7,7 @@ never leaves return, landing or a pilot's mode. The station is needed for orders
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import logging
 from typing import TYPE_CHECKING
 
 from gcs.core.errors import GcsError, InputError
@@ -26,23 +26,29 @@ from gcs.mavlink.companion_lease import (
 from gcs.mavlink.dialect import mavlink
 from gcs.mavlink.heartbeats import autopilot_of, is_vehicle
 from gcs.mavlink.plan_announcement import announced_plan
-from gcs.mavlink.status_text import status_text_messages
 from gcs.mavlink.stepped_channel import SteppedTask
 from gcs.services.companion.announced_plans import AnnouncedPlans
+from gcs.services.companion.companion_options import CompanionOptions
 from gcs.services.companion.departure_report import departure_reports, unreached
 from gcs.services.companion.lease_memory import LeaseMemory
 from gcs.services.companion.led_flight import LedFlight, Progress
-from gcs.services.companion.objections import OBJECTION_S, away_from_start, blind_lidar, unfit_senses
+from gcs.services.companion.objections import OBJECTION_S, away_from_start, unfit_senses, unwell_in_flight
+from gcs.services.companion.operator_texts import OperatorTexts
 from gcs.services.companion.own_vehicle import OwnVehicle
 from gcs.services.companion.senses import SENSOR_MESSAGES, Senses
 from gcs.storage.lease_file import KeptLease
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from gcs.mavlink.dialect import Message
     from gcs.mavlink.transaction import Clock, Send
     from gcs.planning.local.local_replan import LocalReplan
     from gcs.services.companion.doors import Outbox, PlanSource
     from gcs.services.companion.flyable_plan import FlyablePlan
+    from gcs.services.companion.senses import Measured
+
+log = logging.getLogger(__name__)
 
 HEARTBEAT_S = 1.0
 STATUS_S = 0.5
@@ -50,28 +56,8 @@ WATCH_S = 0.1
 ORDER_STANDS_S = 5.0
 """An order that cannot be followed yet stands for so long after it was last heard."""
 
-WARNING = 4
 AUTOPILOT_SILENT_S = 3.0
-POSITION_SILENT_S = 0.7
-
-
-@dataclass(frozen=True)
-class CompanionOptions:
-    """How a companion is set up.
-
-    Attributes:
-        stream_hz: setpoints per second of the vehicle's clock, 20 to 50.
-        needs_lidar: whether it flies only with fresh scans.
-        slab_half_m: the lidar tells of heights within this of the vehicle's; None for a lidar that sees all about.
-        lidar_silent_s: without a good scan for so long (vehicle's clock) the vehicle slows to a hover.
-        give_up_s: it hovers for so long for want of scans, position or odometry; then the lease ends in a hold.
-    """
-
-    stream_hz: float = 50.0
-    needs_lidar: bool = True
-    slab_half_m: float | None = 0.5
-    lidar_silent_s: float = 0.6
-    give_up_s: float = 10.0
+OWN_ERROR = "an error in the companion, see its log"
 
 
 class CompanionCore:
@@ -105,7 +91,8 @@ class CompanionCore:
         self._plans = plans
         self._outbox = outbox
         self._announced = AnnouncedPlans(plans, clock)
-        self._senses = Senses(self._options.slab_half_m or float("inf"), self._say)
+        self._texts = OperatorTexts(send, clock)
+        self._senses = Senses(self._options.slab_half_m, self._texts.say)
         self._vehicle: OwnVehicle | None = None
         self._introduction: SteppedTask | None = None
         self._flight: LedFlight | None = None
@@ -117,9 +104,6 @@ class CompanionCore:
         self._past_leases: set[int] = set()
         self._state = LeaseState.IDLE
         self._text = ""
-        self._paused = False
-        self._said: dict[str, float] = {}
-        self._texts = 0
         self._beat_at = self._tell_at = self._watch_at = clock()
         self._memory = memory or LeaseMemory(None)
         self._cut_short: KeptLease | None = None
@@ -132,7 +116,7 @@ class CompanionCore:
     @property
     def deadline(self) -> float:
         """Clock time at which `on_time` wants to be called next."""
-        due = [self._beat_at, self._tell_at, self._watch_at, self._outbox.deadline]
+        due = [self._beat_at, self._tell_at, self._watch_at, self._outbox.deadline, self._senses.deadline]
         if self._introduction is not None:
             due.append(self._introduction.deadline)
         if self._flight is not None and not self._flight.over:
@@ -150,8 +134,10 @@ class CompanionCore:
         """Called when `deadline` has passed, or earlier."""
         now = self._clock()
         flight = self._flight
+        if self._vehicle is not None and self._senses.deadline <= now:
+            self._see(self._senses.on_time(self._vehicle))
         if flight is not None and not flight.over and flight.deadline <= now:
-            flight.on_time()
+            self._guard(flight.on_time)
         if self._introduction is not None and self._introduction.deadline <= now:
             self._introduction.on_time()
         if self._outbox.deadline <= now:
@@ -166,11 +152,10 @@ class CompanionCore:
         if now >= self._tell_at:
             self._tell()
 
-    def fail(self, why: str) -> None:
-        """Something is wrong here: lead no more; the vehicle does what it does when its setpoints stop."""
+    def fail(self) -> None:
+        """An error of this program's own, which was logged: lead no more, and have the vehicle hold."""
         if self._flight is not None:
-            self._flight.stop(why)
-        self._notice_end()
+            self._flight.fail(OWN_ERROR)
 
     @property
     def status(self) -> LeaseStatus:
@@ -204,14 +189,15 @@ class CompanionCore:
                 self._meet(message)
             return
         change = self._vehicle.handle(message)
-        if change is not None and self._flight is not None:
-            self._flight.mode_changed(change)
+        flight = self._flight
+        if change is not None and flight is not None:
+            self._guard(lambda: flight.mode_changed(change))
         if kind in SENSOR_MESSAGES:
-            self._take_sensor(message, self._vehicle)
+            self._see(self._senses.take(message, self._vehicle))
         if self._introduction is not None:
             self._introduction.handle(message)
-        if self._flight is not None and not self._flight.over:
-            self._flight.handle(message)
+        if flight is not None and not flight.over:
+            self._guard(lambda: flight.handle(message))
         self._notice_end()
 
     def _meet(self, heartbeat: Message) -> None:
@@ -221,25 +207,39 @@ class CompanionCore:
         self._vehicle.handle(heartbeat)
         self._introduction = SteppedTask(self._vehicle.introduce())
 
-    def _take_sensor(self, message: Message, vehicle: OwnVehicle) -> None:
-        hull_m = 0.0 if self._flyable is None else self._flyable.plan.scenario.vehicle.radius_m
-        measured = self._senses.take(message, vehicle, hull_m)
-        if measured is None or self._flight is None or self._flight.over:
+    def _see(self, measured: Measured | None) -> None:
+        flight = self._flight
+        if measured is None or flight is None or flight.over:
             return
+
+        def see() -> None:
+            try:
+                flight.see(*measured)
+            except InputError as error:
+                self._senses.refuse(error, measured[1])
+            else:
+                flight.react()
+
+        self._guard(see)
+
+    def _guard(self, fly: Callable[[], None]) -> None:
+        """Go on with the flight; an error of the planner's own must not leave the vehicle to what it flew before."""
         try:
-            self._flight.see(*measured)
-        except InputError as error:
-            self._senses.refuse(error, measured[1])
+            fly()
+        except Exception:
+            log.exception("the flight cannot go on")
+            self.fail()
 
     # ---- orders ----
 
     def _take_tunnel(self, message: Message) -> None:
-        if message.target_system not in (0, self._system_id):
+        if message.target_system not in (0, self._system_id) or message.target_component not in (0, COMPANION):
             return
         self._outbox.handle(message)
         announced, order = announced_plan(message), lease_order(message)
         if announced is not None:
             self._send(self._announced.answer(announced, *self._fitness()))
+            self._mind_hull(self._announced.plan)
         if order is None:
             return
         if order.kind is OrderKind.FLY:
@@ -258,7 +258,7 @@ class CompanionCore:
         else:
             self._past_leases.add(order.lease)
             self._order, self._heard_order_at, self._objects_since = order, self._clock(), None
-            self._flight, self._paused = None, False
+            self._flight = None
             self._enter(LeaseState.IDLE, "prepares")
             self._begin()
 
@@ -311,6 +311,7 @@ class CompanionCore:
             self._text = "gets to know the autopilot"
             return ""
         self._flyable = self._plans.get(order.plan_hash, vehicle.offboard_timeout_s)
+        self._mind_hull(self._flyable)
         if self._flyable is None:
             self._text = "gets the plan"
             return ""
@@ -331,6 +332,10 @@ class CompanionCore:
         objection = "it flies another plan" if self._leading else None
         objection = objection or unfit_senses(self._senses, self._options, now)
         return vehicle.offboard_timeout_s, objection
+
+    def _mind_hull(self, flyable: FlyablePlan | None) -> None:
+        if flyable is not None:
+            self._senses.hull_m = flyable.plan.scenario.vehicle.radius_m
 
     def _progress_on(self, flyable: FlyablePlan) -> Progress:
         return self._progress.setdefault(flyable.plan_hash, Progress())
@@ -362,7 +367,7 @@ class CompanionCore:
             try:
                 self._flyable = self._plans.get(before.plan_hash, vehicle.offboard_timeout_s)
             except GcsError as error:
-                self._say(f"what the lease before the restart left is not reported: {error.message}")
+                self._texts.say(f"what the lease before the restart left is not reported: {error.message}")
                 self._cut_short = None
                 return
             if self._flyable is None:
@@ -391,7 +396,7 @@ class CompanionCore:
             self._vehicle,
             self._progress_on(self._flyable),
             self._departed,
-            self._say,
+            self._texts.say,
             stream_hz=self._options.stream_hz,
             slab_half_m=self._options.slab_half_m,
         )
@@ -425,19 +430,12 @@ class CompanionCore:
         if not vehicle.is_fresh("armed", AUTOPILOT_SILENT_S):
             flight.stop("the autopilot is not heard")
             return
-        newest = vehicle.poses.newest
-        lost = newest is None or now - newest.at_s > POSITION_SILENT_S
-        problems = {
-            "lidar": blind_lidar(self._senses, self._options, now),
-            "position": "the position is old" if lost else None,
-            "odometry": self._senses.odometry.problem(now),
-        }
-        for what, problem in problems.items():
+        for what, problem in unwell_in_flight(vehicle, self._senses, self._options, now).items():
             if problem is None:
                 flight.release(what)
                 continue
             if what not in flight.hold_reasons:
-                self._say(f"{problem}: slows to a hover")
+                self._texts.say_measured(f"{problem}: slows to a hover")
             flight.hold(what)
             if flight.held_for_s(what) > self._options.give_up_s:
                 flight.leave(f"{problem}, for {self._options.give_up_s:.0f} s")
@@ -452,7 +450,7 @@ class CompanionCore:
             self._enter(LeaseState.FINISHED, "the plan is flown; the vehicle lands")
         elif flight.ended is not None:
             self._enter(LeaseState.TAKEN_OVER if flight.taken_over else LeaseState.ENDED, flight.ended)
-            self._say(f"lease ended: {flight.ended}")
+            self._texts.say(f"lease ended: {flight.ended}")
 
     # ---- what it tells ----
 
@@ -468,16 +466,6 @@ class CompanionCore:
     def _tell(self) -> None:
         self._tell_at = self._clock() + STATUS_S
         self._send(lease_status_message(self.status))
-
-    def _say(self, text: str) -> None:
-        """Something for people, once in ten seconds."""
-        now = self._clock()
-        if now - self._said.get(text, float("-inf")) < 10.0:
-            return
-        self._said[text] = now
-        self._texts += 1
-        for message in status_text_messages(text, WARNING, self._texts):
-            self._send(message)
 
 
 def heartbeat(*, leading: bool) -> Message:

@@ -8,6 +8,7 @@ vehicle hold; or somebody else took the vehicle, and from that moment on nothing
 
 from __future__ import annotations
 
+import logging
 import math
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
@@ -40,6 +41,8 @@ if TYPE_CHECKING:
     from gcs.planning.local.local_replan import LocalReplan
     from gcs.services.companion.flyable_plan import FlyablePlan
     from gcs.services.companion.own_vehicle import OwnVehicle
+
+log = logging.getLogger(__name__)
 
 LEAD_IN_S = 1.2
 """A stream goes out for so long before the vehicle is told to follow it."""
@@ -94,7 +97,7 @@ class LedFlight:
         say: Callable[[str], None],
         *,
         stream_hz: float,
-        slab_half_m: float | None,
+        slab_half_m: float,
     ) -> None:
         origin = vehicle.telemetry.origin
         if origin is None:
@@ -113,9 +116,9 @@ class LedFlight:
         self._navigator: LocalNavigator | None = None
         self._navigator_options = _navigator_options(flyable, slab_half_m)
         self._due_at = math.inf
-        self._decided_s = -math.inf
+        self._decided_s = self._seen_s = -math.inf
         self._holds: dict[str, float] = {}
-        self._leaving = False
+        self._leaving = self._failed = False
         self._pictures = ViewpointPictures(vehicle, say)
         self._tasks: list[SteppedTask] = []
         self._accounted: set[int] = set()
@@ -187,15 +190,19 @@ class LedFlight:
             self._stream()
 
     def see(self, scan: LidarScan, at_s: float) -> None:
-        """A scan was measured at a time of the vehicle's clock: decide, and send what follows from it at once.
+        """A scan was measured at a time of the vehicle's clock; `react` is to follow.
 
         Raises:
             InputError: the navigator cannot use it.
         """
         place, attitude = self._scene_place(at_s), self._vehicle.poses.attitude(at_s)
-        if self._navigator is None or self.over or place is None or attitude is None:
+        if self._navigator is None or self._failed or self.over or place is None or attitude is None:
             return
-        self._navigator.see(scan, place, attitude[2], at_s)
+        self._seen_s = max(self._seen_s, at_s)  # what one sensor tells late is entered behind the other's
+        self._navigator.see(scan, place, attitude[2], self._seen_s)
+
+    def react(self) -> None:
+        """Decide, and send what follows from it at once."""
         self._decide()
         self._stream()
 
@@ -228,6 +235,20 @@ class LedFlight:
             task.cancel()
         self._tasks = [SteppedTask(self._leave(why))]
         self._look_at_tasks()
+
+    def fail(self, why: str) -> None:
+        """The navigator is broken: hover where the vehicle is, and end in a hold; the second time, end at once."""
+        newest, yaw = self._vehicle.poses.newest, self._vehicle.telemetry.yaw_rad
+        if self.over or self._failed or newest is None or yaw is None:
+            self.stop(why)
+            return
+        self._failed = True
+        self._hover = Setpoint.hover(newest.position_m, yaw.value)
+        try:
+            self.leave(why)
+        except Exception:
+            log.exception("it cannot be brought to a hold")
+            self.stop(why)
 
     def stop(self, why: str) -> None:
         """End at once: no setpoint and no command goes out any more."""
@@ -362,7 +383,7 @@ class LedFlight:
             self._navigator.hold()
 
     def _decide(self) -> None:
-        if self._navigator is None:
+        if self._navigator is None or self._failed:
             return
         self._decided_s = now = self._vehicle_s()
         for replan in self._navigator.decide(now):
@@ -405,7 +426,7 @@ class LedFlight:
         self._due_at = self._clock() + self._step_s / max(self._vehicle.clock_rate, 0.1)
 
     def _setpoint(self, now_s: float) -> Setpoint:
-        if self._navigator is None:
+        if self._navigator is None or self._failed:
             assert self._hover is not None
             return self._hover
         position, velocity, acceleration = self._navigator.motion(now_s)
@@ -435,7 +456,7 @@ class LedFlight:
             self.leave(failed.message)
 
 
-def _navigator_options(flyable: FlyablePlan, slab_half_m: float | None) -> NavigatorOptions:
+def _navigator_options(flyable: FlyablePlan, slab_half_m: float) -> NavigatorOptions:
     """What local paths keep: the plan's own clearance and budgets, but for the model's error."""
     scenario = flyable.plan.scenario
     keep_m = scenario.centre_clearance_m - scenario.safety.model_m

@@ -9,7 +9,7 @@ import numpy as np
 from gcs.core.frames import rigid_between
 
 if TYPE_CHECKING:
-    from gcs.services.companion.core import CompanionOptions
+    from gcs.services.companion.companion_options import CompanionOptions
     from gcs.services.companion.flyable_plan import FlyablePlan
     from gcs.services.companion.own_vehicle import OwnVehicle
     from gcs.services.companion.senses import Senses
@@ -20,13 +20,31 @@ OBJECTION_S = 4.0
 NEAR_START_M = 3.0
 """A lease begins only when the vehicle hovers within this of the place where the plan goes on."""
 
+POSITION_SILENT_S = 0.7
+NO_SECTORS = "the lidar is silent: OBSTACLE_DISTANCE must be sent, _3D alone is mute in free air"
+
 
 def blind_lidar(senses: Senses, options: CompanionOptions, now_s: float) -> str | None:
     """Says so when a lidar that is needed gives no good scans, or not all round (`now_s`: the vehicle's clock)."""
     if not options.needs_lidar:
         return None
     age_s = senses.lidar_age_s(now_s)
-    return "the lidar is silent" if age_s is None or age_s > options.lidar_silent_s else senses.covered(now_s)
+    if age_s is not None and age_s <= options.lidar_silent_s:
+        return senses.covered(now_s)
+    return "the lidar is silent" if senses.hears_sectors else NO_SECTORS
+
+
+def unwell_in_flight(
+    vehicle: OwnVehicle, senses: Senses, options: CompanionOptions, now_s: float
+) -> dict[str, str | None]:
+    """What the vehicle has to hover for, by what it is about; None where all is well."""
+    newest = vehicle.poses.newest
+    lost = newest is None or now_s - newest.at_s > POSITION_SILENT_S
+    return {
+        "lidar": blind_lidar(senses, options, now_s),
+        "position": "the position is old" if lost else None,
+        "odometry": senses.odometry.problem(now_s),
+    }
 
 
 def unfit_senses(senses: Senses, options: CompanionOptions, now_s: float) -> str | None:

@@ -17,11 +17,12 @@ from gcs.mavlink.heartbeats import is_vehicle
 from gcs.mavlink.link_url import parse_link_url
 from gcs.mavlink.links import make_link
 from gcs.mavlink.report_outbox import ReportOutbox
-from gcs.services.companion.core import CompanionCore, CompanionOptions, heartbeat
+from gcs.services.companion.companion_options import CompanionOptions
+from gcs.services.companion.core import CompanionCore, heartbeat
 from gcs.services.companion.lease_memory import LeaseMemory
 from gcs.services.companion.link_key import KEY_WANTED, CompanionSigning, link_signing
 from gcs.services.companion.navigator_warm_up import warm_navigator
-from gcs.services.companion.station_plans import StationFiles, StationPlans, keep_folder
+from gcs.services.companion.station_plans import StationFiles, StationPlans, keep_folder, station_address
 from gcs.storage.data_directory import default_data_directory, make_data_directory
 from gcs.storage.kept_plans import KeptPlans
 from gcs.storage.lease_file import LeaseFile
@@ -44,6 +45,7 @@ NICENESS = -10
 
 GREETING_S = 1.0
 LONGEST_SLEEP_S = 0.5
+AFTER_ERROR_S = 0.1
 
 
 async def run_companion(
@@ -78,6 +80,7 @@ async def run_companion(
         LinkError: the link cannot be opened.
         StorageError: nothing can be kept.
     """
+    address = None if station is None else station_address(station)
     data = data_dir or default_data_directory()
     directory = keep or data / "companion"
     make_data_directory(directory)
@@ -85,7 +88,7 @@ async def run_companion(
     kept = KeptPlans(directory / "plans")
     for folder in plans:
         say(f"plan {keep_folder(kept, folder)[:12]} is kept")
-    files = None if station is None else StationFiles(station, _token(token_file or data / "token"))
+    files = None if address is None else StationFiles(address, _token(token_file or data / "token"))
     reports, memory = ReportOutboxFiles(directory / "reports"), LeaseMemory(LeaseFile(directory / "lease.json"))
     shell = _Shell(url, signing, StationPlans(kept, files), reports, memory, options, say)
     shell.on_taken = on_taken
@@ -128,6 +131,7 @@ class _Shell:
         self._link: Link | None = None
         self._autopilot: Peer | None = None
         self._wake = asyncio.Event()
+        self._logged = ""
 
     async def run(self) -> None:
         """Until it is cancelled."""
@@ -189,10 +193,12 @@ class _Shell:
                 await asyncio.sleep(0)
             try:
                 core.on_time()
-            except Exception:  # the link, and the reports that still wait, must outlive it
-                log.exception("an error of its own")
-                core.fail("an error in the companion: see its log")
-                await asyncio.sleep(LONGEST_SLEEP_S)
+            except Exception as error:  # the link, and the reports that still wait, must outlive it
+                if repr(error) != self._logged:
+                    log.exception("an error of its own")
+                self._logged = repr(error)
+                core.fail()
+                await asyncio.sleep(AFTER_ERROR_S)
 
     def _heard(self, link: Link, peer: Peer, message: ReceivedMessage) -> None:
         del link

@@ -34,26 +34,32 @@ MOST_BYTES = 500_000_000
 NO_STATION = "no station to ask for it: give --station, or the plan's folder with --plan"
 
 
-class StationFiles:
-    """Gets a plan's files from a station.
-
-    Args:
-        url: such as `http://127.0.0.1:8080`.
-        token: opens the station's API.
+def station_address(url: str) -> str:
+    """The URL of a station, such as `http://127.0.0.1:8080`, without a slash at its end.
 
     Raises:
         InputError: not such a URL.
     """
+    try:
+        parts = urlsplit(url)
+        fits = parts.scheme in {"http", "https"} and parts.hostname and (parts.port or True) and not parts.query
+    except ValueError:
+        fits = False
+    if not fits:
+        raise InputError("give the station as http://HOST:PORT", field="--station")
+    return url.rstrip("/")
+
+
+class StationFiles:
+    """Gets a plan's files from a station.
+
+    Args:
+        url: as `station_address` returns it.
+        token: opens the station's API.
+    """
 
     def __init__(self, url: str, token: str) -> None:
-        try:
-            parts = urlsplit(url)
-            fits = parts.scheme in {"http", "https"} and parts.hostname and (parts.port or True) and not parts.query
-        except ValueError:
-            fits = False
-        if not fits:
-            raise InputError("give the station as http://HOST:PORT", field="--station")
-        self._url = url.rstrip("/")
+        self._url = url
         self._token = token
 
     def get(self, wanted: str, name: str) -> bytes:

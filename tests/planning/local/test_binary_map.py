@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from gcs.core.errors import InputError
-from gcs.planning.local.binary_map import BinaryMap
+from gcs.planning.local.binary_map import BinaryMap, mark_about
 
 
 def test_points_and_cells_are_each_others_inverse(room):
@@ -31,6 +31,21 @@ def test_every_point_of_a_free_cell_keeps_the_distance(axes):
     assert away[free].min() >= 1.1
     # Nor is more blocked than the two cells' diagonals make unsure.
     assert away[~free].max() <= 1.1 + 2 * 0.5 * math.sqrt(axes)
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_what_is_marked_about_a_straight_is_nearer_than_the_reach(seed):
+    rng = np.random.default_rng(seed)
+    start, end = rng.uniform(-6.0, 26.0, 2), rng.uniform(-6.0, 26.0, 2)
+    if seed == 0:
+        end = start.copy()
+    marked, reach = np.zeros((20, 16), dtype=np.bool_), rng.uniform(0.5, 9.0)
+    mark_about(marked, start, end, reach)
+    along = start + np.linspace(0.0, 1.0, 5001)[:, None] * (end - start)
+    middles = np.argwhere(np.ones_like(marked)) + 0.5
+    away = np.linalg.norm(middles[:, None] - along, axis=2).min(axis=1).reshape(marked.shape)
+    sure = np.abs(away - reach) > 0.01
+    assert (marked == (away < reach))[sure].all()
 
 
 def test_growing_by_nothing_changes_nothing(paper_map):

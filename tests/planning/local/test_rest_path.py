@@ -6,6 +6,7 @@ import pytest
 from gcs.planning.local.binary_map import BinaryMap
 from gcs.planning.local.detour import DetourOptions
 from gcs.planning.local.rest_path import climb_to, rest_path
+from gcs.planning.local.search_budget import SearchBudget
 from gcs.planning.trajectories.flight_limits import FlightLimits
 
 LIMITS = FlightLimits(4.0, 2.5, 10.0)
@@ -39,7 +40,7 @@ def test_a_path_is_free_and_uses_its_limits(seed):
     start, end = np.array([-7.0, rng.uniform(-3, 3), 10.0]), np.array([20.0, rng.uniform(-3, 3), 10.3])
     circles = [(x, rng.uniform(-3, 3), rng.uniform(0.2, 1.0)) for x in (0.0, 7.0, 14.0)]
     slab = (9.5, 10.5)
-    curve = rest_path(start, end, area_of(*circles), LIMITS, DetourOptions(slab_m=slab))
+    curve = rest_path(start, end, area_of(*circles), LIMITS, DetourOptions(slab_m=slab), SearchBudget())
     assert_rests(curve, start, end)
     places = curve.value(np.linspace(0.0, curve.duration_s, 20_000))
     for x, y, radius in circles:
@@ -53,9 +54,16 @@ def test_a_path_is_free_and_uses_its_limits(seed):
 
 def test_where_there_is_no_way_it_says_none():
     walled = area_of(*[(3.0, y, 0.5) for y in np.arange(-10.0, 30.0, 0.5)])
-    options = DetourOptions(slab_m=(9.5, 10.5))
-    assert rest_path(np.array([-5.0, 0.0, 10.0]), np.array([15.0, 0.0, 10.0]), walled, LIMITS, options) is None
-    assert rest_path(np.array([-5.0, 0.0, 10.0]), np.array([15.0, 0.0, 12.0]), area_of(), LIMITS, options) is None
+    start, options = np.array([-5.0, 0.0, 10.0]), DetourOptions(slab_m=(9.5, 10.5))
+    assert rest_path(start, np.array([15.0, 0.0, 10.0]), walled, LIMITS, options, SearchBudget()) is None
+    assert rest_path(start, np.array([15.0, 0.0, 12.0]), area_of(), LIMITS, options, SearchBudget()) is None
+
+
+def test_where_the_budget_is_spent_it_says_none():
+    start, end, options = np.array([-5.0, 0.0, 10.0]), np.array([15.0, 0.0, 10.0]), DetourOptions()
+    assert rest_path(start, end, area_of(), LIMITS, options, SearchBudget(curves=1)) is not None
+    assert rest_path(start, end, area_of(), LIMITS, options, SearchBudget(curves=0)) is None
+    assert rest_path(start, end, area_of(), LIMITS, options, SearchBudget(work=10)) is None
 
 
 def test_a_climb_is_straight_and_slow_enough_to_stop_where_it_sees():

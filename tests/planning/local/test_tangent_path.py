@@ -1,13 +1,16 @@
 """The planner that flies, against closed forms and against visibility graphs made by another method."""
 
 import math
+import re
 
 import numpy as np
 import pytest
 
 from gcs.core.errors import InfeasibleError, InputError
 from gcs.planning.local.binary_map import BinaryMap
+from gcs.planning.local.cell_sight import convex_corners
 from gcs.planning.local.convex_obstacles import ConvexObstacles
+from gcs.planning.local.search_budget import MOST_WORK, SearchBudget
 from gcs.planning.local.tangent_path import shortest_path
 from gcs.services.benchmarks.local_fields import Field, collides, exact_length, random_field
 
@@ -30,7 +33,7 @@ def test_the_papers_query_is_solved_exactly_on_the_map_and_among_polygons(paper_
 def test_nothing_in_the_way_is_a_straight():
     path = shortest_path((0, 0), (3, 4))
     assert path.length_m == 5.0
-    assert path.sight_tests == 1
+    assert path.work < 100
 
 
 @pytest.mark.parametrize("seed", range(30))
@@ -108,18 +111,45 @@ def test_the_way_stays_on_the_map():
 def test_the_work_is_bounded():
     field = random_field(np.random.default_rng(1))
     obstacles = ConvexObstacles.of(field.polygons_m)
-    needed = shortest_path(field.start_m, field.goal_m, obstacles).sight_tests
-    assert shortest_path(field.start_m, field.goal_m, obstacles, most_sight_tests=needed).sight_tests == needed
-    with pytest.raises(InfeasibleError, match=f"in {needed - 1} tests of sight"):
-        shortest_path(field.start_m, field.goal_m, obstacles, most_sight_tests=needed - 1)
+    needed = shortest_path(field.start_m, field.goal_m, obstacles).work
+    budget = SearchBudget(work=needed)
+    assert shortest_path(field.start_m, field.goal_m, obstacles, budget=budget).work == needed
+    assert budget.work == 0
+    with pytest.raises(InfeasibleError, match="within"):
+        shortest_path(field.start_m, field.goal_m, obstacles, budget=SearchBudget(work=needed - 1))
 
 
-def test_looking_for_tangents_is_work_too():
-    """Among thousands of corners hardly any sight is free: nearly all of the time goes into finding what to test."""
-    blocked = np.random.default_rng(1).random((160, 160)) < 0.1
+def noise(side, share):
+    """Blocked cells at random, and the goal walled in: no way can be found, however long it is looked for."""
+    blocked = np.random.default_rng(1).random((side, side)) < share
     blocked[:3, :3] = blocked[-3:, -3:] = False
-    with pytest.raises(InfeasibleError, match="no way was found in 20"):
-        shortest_path((0.3, 0.3), (31.7, 31.7), area=BinaryMap(blocked, np.zeros(2), 0.2))
+    blocked[-5:, -5] = blocked[-5, -5:] = True
+    return BinaryMap(blocked, np.zeros(2), 0.2)
+
+
+def test_looks_for_tangents_are_counted_and_not_only_tests_of_sight():
+    area, budget = noise(100, 0.01), SearchBudget()
+    with pytest.raises(InfeasibleError, match="no way round"):
+        shortest_path((0.3, 0.3), (19.7, 19.7), area=area, budget=budget)
+    # Every corner but those of the goal's own walls was settled, and each of them looked at all of them.
+    assert MOST_WORK - budget.work > 0.9 * len(convex_corners(area.blocked)) ** 2
+
+
+@pytest.mark.parametrize(("side", "share"), [(160, 0.02), (160, 0.1), (250, 0.01), (250, 0.2)])
+def test_on_a_map_of_noise_the_work_ends_at_the_bound(side, share):
+    area = noise(side, share)
+    with pytest.raises(InfeasibleError, match="within") as error:
+        shortest_path((0.3, 0.3), 2 * (0.2 * side - 0.3,), area=area)
+    work = int(re.search(r"\d+", str(error.value)).group())
+    assert 0.99 * MOST_WORK < work < MOST_WORK + 10 * len(convex_corners(area.blocked))
+
+
+def test_searches_share_a_budget():
+    area, budget = noise(160, 0.1), SearchBudget()
+    for _ in range(3):
+        with pytest.raises(InfeasibleError, match="within"):
+            shortest_path((0.3, 0.3), (31.7, 31.7), area=area, budget=budget)
+    assert budget.work == 0
 
 
 @pytest.mark.parametrize(

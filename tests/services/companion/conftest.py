@@ -25,7 +25,8 @@ from gcs.mavlink.stepped_channel import SteppedTask
 from gcs.planning.trajectories.retiming import identity_warp
 from gcs.planning.trajectories.stream_loss import StreamLoss
 from gcs.planning.trajectories.warped_curve import slowed_curve
-from gcs.services.companion.core import CompanionCore, CompanionOptions
+from gcs.services.companion.companion_options import CompanionOptions
+from gcs.services.companion.core import CompanionCore
 from gcs.services.companion.flyable_plan import FlyablePlan
 from gcs.services.companion.own_vehicle import OwnVehicle
 from sitl_mocks.flight_world import COMPANION, STATION, FlightSpec, FlightWorld

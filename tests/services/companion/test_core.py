@@ -8,9 +8,9 @@ import pytest
 from gcs.core.errors import LinkError, NotFoundError, RefusedError
 from gcs.core.replanning import ReplanReason
 from gcs.core.vehicle import FlightMode
-from gcs.mavlink.companion_lease import LeaseOrder, LeaseOrdering, LeaseState, OrderKind
-from gcs.mavlink.dialect import mavlink
+from gcs.mavlink.companion_lease import LeaseState, OrderKind
 from gcs.mavlink.framing import FramePacker, FrameParser
+from gcs.mavlink.tunnel_carrier import replanning, tunnelled
 
 TRUCK = {"kind": "vehicle", "radius_m": 1.0, "height_m": 20.0, "path_m": [[6.0, 0.3]]}
 
@@ -84,48 +84,53 @@ def test_after_a_hold_by_hand_a_new_order_goes_on_where_it_ended(make_world):
     assert world.world.truth()["captures"] == 2, "no picture twice"
 
 
-def test_moved_sticks_end_it_also_those_of_a_transmitter_that_is_switched_on_in_the_air(make_world):
-    world = flying(make_world)
-    tell_sticks(world, 0)
-    tell_sticks(world, 1500)
+def test_moved_sticks_end_it(make_world, autopilot):
+    world = flying(make_world, autopilot)
+    world.vehicle.streams.sticks_us[2] = 1600  # trembling hands
     world.run(1.0)
     assert world.core.status.state is LeaseState.LEADING
-    tell_sticks(world, 1800)
+    world.vehicle.streams.sticks_us[2] = 1800
     assert world.run(1.0, lambda: world.core.status.state is LeaseState.TAKEN_OVER)
     assert "sticks" in world.core.status.text
 
 
-def tell_sticks(world, throttle_us):
-    packer, parser = FramePacker(1, 1), FrameParser()
-    sticks = [1500, 1500, throttle_us, 1500] + [65535] * 14
-    for message in parser.feed(packer.pack(mavlink.MAVLink_rc_channels_message(0, 4, *sticks, 255))):
-        world.core.handle(message)
+@pytest.mark.parametrize("before_us", [None, 0])
+def test_sticks_count_from_where_they_are_first_heard(make_world, before_us):
+    """Nothing is heard of them, or no positions are told, until the transmitter is switched on in the air."""
+    world = make_world()
+    if before_us is None:
+        world.drop = lambda message: message.get_type() == "RC_CHANNELS"
+    else:
+        world.vehicle.streams.sticks_us[:] = [before_us] * 4
+    world.take_off()
+    world.order()
+    world.run(3.0)
+    world.drop = lambda message: False
+    world.vehicle.streams.sticks_us[:] = [1500, 1500, 1100, 1500]
+    world.run(1.0)
+    assert world.core.status.state is LeaseState.LEADING
+    world.vehicle.streams.sticks_us[2] = 1500
+    assert world.run(1.0, lambda: world.core.status.state is LeaseState.TAKEN_OVER)
 
 
-def test_orders_for_another_vehicle_are_nothing_to_it(make_world):
+@pytest.mark.parametrize(("system_id", "component_id"), [(2, 191), (2, 0), (1, 100)])
+def test_orders_for_somebody_else_are_nothing_to_it(make_world, system_id, component_id):
     world = make_world()
     world.take_off()
     (plan_hash,) = world.plans.plans
-    packer, parser = FramePacker(255, 190), FrameParser()
 
-    def hand_over(message):
-        for heard in parser.feed(packer.pack(message)):
-            world.core.handle(heard)
+    def give(system_id, component_id):
+        inner = replanning.MAVLink_lease_order_message(9, OrderKind.FLY, list(bytes.fromhex(plan_hash)))
+        packet = FramePacker(255, 190).pack(tunnelled(inner, system_id, component_id))
+        for message in FrameParser().feed(packet):
+            world.core.handle(message)
 
-    for system_id, lease in ((2, 0), (1, 9)):
-        LeaseOrdering(LeaseOrder(9, OrderKind.FLY, plan_hash), system_id, hand_over, world.clock).start()
-        world.run(2.0)
-        assert world.core.status.lease == lease
-
-
-def test_an_error_of_its_own_ends_the_lease_without_a_further_setpoint(make_world):
-    world = flying(make_world)
-    world.core.fail("an error in the companion")
-    ended_s = world.now_s
-    assert world.core.status.state is LeaseState.ENDED
-    world.run(5.0)
-    assert world.setpoints_since(ended_s) == 0
-    assert {change.viewpoint for report in world.outbox.reports for change in report.viewpoints} == {0, 1}
+    give(system_id, component_id)
+    world.run(2.0)
+    assert world.core.status.lease == 0
+    give(1, 0)
+    world.run(2.0)
+    assert world.core.status.lease == 9
 
 
 def test_orders_are_refused_with_the_reason(make_world):

@@ -10,8 +10,6 @@ import pytest
 
 from gcs.core.replanning import ReplanReason, ViewpointFate
 from gcs.mavlink.companion_lease import OVER, LeaseState, OrderKind
-from gcs.mavlink.dialect import mavlink
-from gcs.mavlink.framing import FramePacker, FrameParser
 from gcs.mavlink.replan_messages import MOST_VIEWPOINTS
 from gcs.planning.local.local_replan import LocalReplan
 from gcs.services.companion.core import CompanionCore
@@ -30,13 +28,7 @@ def told(world):
 
 
 def move_sticks(world):
-    """A receiver tells the sticks, first at rest and then moved."""
-    packer, parser = FramePacker(1, 1), FrameParser()
-    for throttle in (1500, 1800):
-        sticks = [1500, 1500, throttle, 1500] + [65535] * 14
-        for message in parser.feed(packer.pack(mavlink.MAVLink_rc_channels_message(0, 4, *sticks, 255))):
-            world.core.handle(message)
-        world.core._vehicle._sticks_at_start = world.core._vehicle._sticks_at_start or (1500,) * 4
+    world.vehicle.streams.sticks_us[2] = 1800
 
 
 ENDS = {
@@ -139,15 +131,3 @@ def test_more_viewpoints_than_a_report_holds_make_several(make_flyable):
     assert [len(report.viewpoints) for report in reports] == [MOST_VIEWPOINTS, MOST_VIEWPOINTS, 7]
     assert tuple(change.viewpoint for report in reports for change in report.viewpoints) == skipped
     assert [len(report.path) for report in reports] == [2, 0, 0]
-
-
-def test_points_in_space_are_flown_round_as_sectors_are(make_world):
-    world = make_world(obstacles=[TRUCK], tells_3d=True)
-    world.drop = lambda message: message.get_type() == "OBSTACLE_DISTANCE"
-    world.take_off()
-    world.order()
-    world.fly_until(LeaseState.FINISHED)
-    truth = world.world.truth()
-    assert truth["obstacles"]["touched"] == {}
-    assert truth["captures"] >= 2
-    assert world.outbox.reports[0].reason is ReplanReason.STANDING_OBSTACLE

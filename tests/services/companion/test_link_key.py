@@ -15,7 +15,7 @@ from gcs.mavlink.companion_lease import lease_status
 from gcs.mavlink.signing import EPOCH_S, TICKS_PER_S
 from gcs.mavlink.tunnel_carrier import replanning, tunnelled
 from gcs.services.companion import process
-from gcs.services.companion.core import CompanionOptions
+from gcs.services.companion.companion_options import CompanionOptions
 from gcs.services.companion.link_key import CompanionSigning, link_signing
 from gcs.services.companion.process import run_companion
 from gcs.services.link_signing import key_store
