@@ -242,10 +242,20 @@ class Airframe:
         self._enter_governor()
         velocity = self.reference_velocity_m_s
         speed = float(np.linalg.norm(velocity))
-        brake = 0.67 * min(self.limits.acceleration_m_s2, self.limits.vertical_acceleration_m_s2)
+        brake = kernel.BRAKING_SHARE * min(self.limits.acceleration_m_s2, self.limits.vertical_acceleration_m_s2)
         reach = speed / (2.0 * brake) + 0.35
         self._guidance[kernel.TARGET : kernel.TARGET + 3] = self.reference_m + velocity * reach
         self._guidance[kernel.TARGET_YAW] = self._guidance[kernel.YAW]
+
+    def braking_way_m(self, speed_m_s: float, direction: Array) -> float:
+        """How far before its target the governor begins to brake from a speed."""
+        across, up = math.hypot(direction[0], direction[1]), abs(float(direction[2]))
+        brake = kernel.BRAKING_SHARE * min(
+            self.limits.acceleration_m_s2 / max(across, 1e-9),
+            self.limits.vertical_acceleration_m_s2 / max(up, 1e-9),
+        )
+        way = speed_m_s**2 / (2.0 * brake) + speed_m_s * brake / (2.0 * self.limits.jerk_m_s3)
+        return max(way, speed_m_s / kernel.POSITION_GAIN)
 
     def follow(self, setpoint: FlightSetpoint) -> None:
         """Take the reference from a stream of setpoints."""

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from gcs.core.frames import heading_from_yaw, wrap_angle, yaw_from_heading
-from sitl_mocks.airframe import FlightLimits, FlightSetpoint
+from sitl_mocks.airframe import FlightLimits
 from sitl_mocks.ardupilot_failsafes import ArduPilotFailsafes
 from sitl_mocks.ardupilot_files import ArduPilotFiles
 from sitl_mocks.ardupilot_mission_run import ArduPilotMissionRun
@@ -20,15 +20,16 @@ from sitl_mocks.channel import Channel
 from sitl_mocks.commands import ACCEPTED, DENIED, FAILED, UNSUPPORTED, Command
 from sitl_mocks.dialect import Message, mavlink
 from sitl_mocks.file_server import VirtualFolder
-from sitl_mocks.flight_tasks import DescentProfile, Hold, Land, ReturnAlong, ReturnHome
+from sitl_mocks.flight_tasks import DescentProfile, Hold, Land, ReturnAlong
 from sitl_mocks.mission_items import StoredItem
 from sitl_mocks.mission_server import MissionServer
 from sitl_mocks.parameters import ParameterServer
 from sitl_mocks.path_memory import PathMemory
 from sitl_mocks.position_cascade import CascadeGains
 from sitl_mocks.scene_frame import e7
-from sitl_mocks.setpoints import Setpoint
+from sitl_mocks.setpoints import Setpoint, lead_by_setpoint
 from sitl_mocks.vehicle import ACTIVE, CRITICAL, LOGIC_S, STANDBY, SimulatedVehicle
+from sitl_mocks.ways_home import ardupilot_return
 
 if TYPE_CHECKING:
     from sitl_mocks.picture import Exposure
@@ -36,6 +37,8 @@ if TYPE_CHECKING:
 
 _WITHOUT_ARMING = {Mode.AUTO, Mode.RTL, Mode.LAND, Mode.BRAKE, Mode.SMART_RTL}
 _NEEDS_POSITION = {Mode.AUTO, Mode.GUIDED, Mode.LOITER, Mode.RTL, Mode.POSHOLD, Mode.BRAKE, Mode.SMART_RTL}
+_READY_WITHOUT_POSITION = 24 / 41
+"""Share of the time until it is ready after which it can be armed in a mode that needs no position."""
 _STORAGE_AFTER_S = 0.5
 """Wall time until the mission storage has been opened (about 2 s on the real one)."""
 _HOME_BELOW_ORIGIN_M = 0.02
@@ -325,7 +328,8 @@ class ArduPilotVehicle(SimulatedVehicle):
     # Arming ----------------------------------------------------------------------------------------------------------
 
     def _arming_refusal(self) -> str | None:
-        if self.up_s < self.ready_after_s:
+        share = 1.0 if self.mode in _NEEDS_POSITION else _READY_WITHOUT_POSITION
+        if self.up_s < share * self.ready_after_s:
             return "PreArm: Need Position Estimate"
         if self.mode in _WITHOUT_ARMING:
             return f"Arm: {self.mode.name} mode not armable"
@@ -398,17 +402,6 @@ class ArduPilotVehicle(SimulatedVehicle):
         way, loiter_s = self._memory.way_back(self.airframe.position_m), self.parameters["RTL_LOIT_TIME"] * 1e-3
         self.flight.begin(ReturnAlong(self.airframe, self.base_limits(), self.descent(), way, loiter_s))
 
-    def _return_height_m(self) -> float:
-        """RTL's height above home: within a cone about home it climbs by 2.5 m only, slopes under 0.5 do not count."""
-        p = self.parameters
-        way = self.airframe.position_m - self.home_m
-        height = float(way[2])
-        target = max(p["RTL_ALT"] * 0.01, height + max(p["RTL_CLIMB_MIN"], 0.0) * 0.01)
-        if p["RTL_CONE_SLOPE"] >= 0.5:
-            cone = float(np.hypot(way[0], way[1])) * p["RTL_CONE_SLOPE"]
-            target = min(target, max(cone, height + 2.5))
-        return max(target, height)
-
     def _land(self) -> None:
         if self.flight.landed:
             self.disarm("Disarmed by landing")
@@ -416,20 +409,11 @@ class ArduPilotVehicle(SimulatedVehicle):
             self.flight.begin(Land(self.airframe, self.base_limits(), self.descent()))
 
     def begin_return(self) -> None:
-        """Climb, fly home, land; also what a return item of a mission does."""
+        """Climb, fly to the nearest place to land at, land; also what a return item of a mission does."""
         if self.flight.landed:
             self.disarm("Disarmed by landing")
             return
-        self.flight.begin(
-            ReturnHome(
-                self.airframe,
-                self.base_limits(),
-                self.descent(),
-                self.home_m,
-                self._return_height_m(),
-                self.parameters["RTL_LOIT_TIME"] * 1e-3,
-            )
-        )
+        self.flight.begin(ardupilot_return(self))
 
     def mission_flown(self) -> None:
         """The mission's last command is done."""
@@ -469,23 +453,9 @@ class ArduPilotVehicle(SimulatedVehicle):
         self.counters.followed(self.time_s)
         if not self.in_air:
             return  # GUIDED leaves the ground by NAV_TAKEOFF alone
-        zero = np.zeros(3)
         self.flight.follow_setpoints()
         self._guided, self._guided_s, self._guided_idle = setpoint, self.time_s, False
-        if setpoint.velocity_m_s is None and setpoint.acceleration_m_s2 is None and setpoint.position_m is not None:
-            yaw = setpoint.yaw_rad if math.isfinite(setpoint.yaw_rad) else None
-            self.airframe.go_to(setpoint.position_m, yaw)
-            return
-        position = self.airframe.position_m if setpoint.position_m is None else setpoint.position_m
-        self.airframe.follow(
-            FlightSetpoint(
-                position,
-                zero if setpoint.velocity_m_s is None else setpoint.velocity_m_s,
-                zero if setpoint.acceleration_m_s2 is None else setpoint.acceleration_m_s2,
-                setpoint.yaw_rad,
-                setpoint.yaw_rate_rad_s,
-            )
-        )
+        lead_by_setpoint(self.airframe, setpoint)
 
     def _watch_guided(self) -> None:
         """Setpoints with a velocity are flown on for GUID_TIMEOUT, then it brakes."""

@@ -18,6 +18,7 @@ from sitl_mocks.commands import Command
 from sitl_mocks.flight_tasks import Land, arrived
 from sitl_mocks.mission_items import StoredItem
 from sitl_mocks.scene_frame import Array
+from sitl_mocks.waypoint_legs import WaypointLeg
 
 if TYPE_CHECKING:
     from sitl_mocks.ardupilot import ArduPilotVehicle
@@ -25,7 +26,7 @@ if TYPE_CHECKING:
 NOT_STARTED, ACTIVE, PAUSED, COMPLETE = 2, 3, 4, 5
 
 _NAVIGATION = {16, 17, 18, 19, 20, 21, 22, 31, 82, 84, 85, 92, 93, 94}
-_FLYING = {items.WAYPOINT, items.LOITER_UNLIMITED, items.LOITER_TIME, 82}
+_FLYING = {items.WAYPOINT, items.LOITER_UNLIMITED, items.LOITER_TIME, items.SPLINE_WAYPOINT}
 _NAMES = {
     16: "WP",
     17: "LoitUnlim",
@@ -42,7 +43,6 @@ _NAMES = {
     1000: "GimbalPitchYaw",
     2000: "ImageStartCapture",
 }
-_PASSED_M = 0.3
 _YAW_DONE_RAD = math.radians(2.0)
 
 
@@ -65,6 +65,10 @@ class ArduPilotMissionRun:
         self._side_since_s = 0.0
         self._yaw_rad: float | None = None
         self._target_m: Array | None = None
+        self._leg: WaypointLeg | None = None
+        """What is flown between waypoints of which at least one is not stopped at."""
+        self._passed_m: Array | None = None
+        """The waypoint that has just been passed without a stop."""
         self._jumps: dict[int, int] = {}
         self._just_reached: int | None = None
 
@@ -150,7 +154,11 @@ class ArduPilotMissionRun:
         if not self._begun:
             self._begun = True
             self._since_s = None
+            self._leg = None
             self._begin(item)
+            self._passed_m = None
+        if self._leg is not None:
+            self._leg.follow(vehicle.airframe, vehicle.base_limits())
         task_done = vehicle.flight.run(dt_s)
         if vehicle.replanner.on_detour:
             return
@@ -170,8 +178,12 @@ class ArduPilotMissionRun:
             vehicle.flight.take_off_to(up)
         elif item.command in _FLYING:
             self._target_m = self._place(item)
-            yaw = self._yaw_rad if self._yaw_rad is not None else vehicle.flight.facing(self._target_m)
-            vehicle.flight.fly_to(self._target_m, yaw)
+            facing = vehicle.flight.facing(self._target_m, self._passed_m)
+            vehicle.flight.fly_to(self._target_m, facing if self._yaw_rad is None else self._yaw_rad)
+            onward = self._onward(item)
+            if onward is not None or self._passed_m is not None:
+                start = airframe.reference_m if self._passed_m is None else self._passed_m
+                self._leg = WaypointLeg(start, self._target_m, onward)
         elif item.command == items.LAND:
             target = self._place(item) if item.x or item.y else airframe.target_m
             vehicle.flight.begin(Land(airframe, vehicle.base_limits(), vehicle.descent(), target))
@@ -190,28 +202,31 @@ class ArduPilotMissionRun:
         if item.command == items.DELAY:
             return self._since_s is not None and vehicle.time_s - self._since_s >= item.params[0]
         if item.command in _FLYING and self._target_m is not None:
-            if self._since_s is None and self._is_at(item, self._target_m):
+            if self._since_s is None and self._is_at(self._target_m):
                 self._since_s = vehicle.time_s
             if self._since_s is None or item.command == items.LOITER_UNLIMITED:
                 return False
             return vehicle.time_s - self._since_s >= item.params[0]
         return True
 
-    def _is_at(self, item: StoredItem, target: Array) -> bool:
+    def _is_at(self, target: Array) -> bool:
         """Whether the waypoint is reached: passed on the way to another one, else come to rest at."""
         airframe = self._vehicle.airframe
         radius = self._vehicle.parameters["WPNAV_RADIUS"] * 0.01
+        if self._leg is None or self._leg.ends_at_rest:
+            return arrived(airframe, target, radius)
+        if not self._leg.is_passed(airframe.reference_m) or np.linalg.norm(airframe.position_m - target) >= radius:
+            return False
+        self._passed_m = target
+        return True
+
+    def _onward(self, item: StoredItem) -> Array | None:
+        """The waypoint behind this one, if this one is not stopped at."""
         following = self._next_navigation(self.current + 1)
-        passes = (
-            item.command == items.WAYPOINT
-            and item.params[0] == 0.0
-            and following is not None
-            and self.mission[following].command in {items.WAYPOINT, 82}
-        )
-        if passes:
-            near = float(np.linalg.norm(airframe.reference_m - target)) < _PASSED_M
-            return near and float(np.linalg.norm(airframe.position_m - target)) < radius
-        return arrived(airframe, target, radius)
+        if item.command != items.WAYPOINT or item.params[0] != 0.0 or following is None:
+            return None
+        onward = self.mission[following]
+        return self._place(onward) if onward.command in {items.WAYPOINT, items.SPLINE_WAYPOINT} else None
 
     def _navigation_done(self, item: StoredItem) -> None:
         vehicle = self._vehicle

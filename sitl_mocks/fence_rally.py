@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
+from sitl_mocks.ardupilot_items import ardupilot_item
 from sitl_mocks.dialect import mavlink
 from sitl_mocks.mission_items import (
     INVALID_PARAM5_X,
@@ -15,7 +16,6 @@ from sitl_mocks.mission_items import (
     UNSUPPORTED_FRAME,
     ItemRefused,
     StoredItem,
-    ardupilot_item,
     px4_item,
 )
 

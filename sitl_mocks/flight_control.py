@@ -107,8 +107,9 @@ class FlightControl:
         self._taking_off = False
         return True
 
-    def facing(self, target_m: Array) -> float | None:
-        """Yaw from where the vehicle is led now toward a point; None when that is straight above or below."""
-        here = self._airframe.target_m if self._airframe.running else self._airframe.position_m
-        way = target_m[:2] - here[:2]
+    def facing(self, target_m: Array, from_m: Array | None = None) -> float | None:
+        """Yaw toward a point from another one, or from where the vehicle is led; None if it is straight up or down."""
+        if from_m is None:
+            from_m = self._airframe.target_m if self._airframe.running else self._airframe.position_m
+        way = target_m[:2] - from_m[:2]
         return math.atan2(way[1], way[0]) if float(np.hypot(*way)) > 1.0 else None

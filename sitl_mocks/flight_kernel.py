@@ -46,7 +46,10 @@ MAX_YAW_RATE, MAX_YAW_ACCELERATION = 6, 7
 CLIP_SETPOINT_SPEED, EXTRAPOLATE_SETPOINT = 8, 9
 LIMITS_SIZE = 10
 
-_POSITION_GAIN = 2.0
+BRAKING_SHARE = 0.67
+"""Of the acceleration that is allowed; the rest is for corrections."""
+POSITION_GAIN = 2.0
+"""Speed of the governor for each metre that is left."""
 _VELOCITY_GAIN = 5.0
 _MAX_CORRECTION_M_S = 6.0
 
@@ -171,7 +174,7 @@ def _govern(guidance: Array, limits: Array) -> None:
     if distance <= 1e-9:
         top = 0.0
         brake = limits[MAX_VERTICAL_ACCELERATION]
-    brake *= 0.67  # the rest of the limit is for corrections
+    brake *= BRAKING_SHARE
     closing = 0.0
     pushing = 0.0
     for i in range(3):
@@ -187,15 +190,18 @@ def _govern(guidance: Array, limits: Array) -> None:
     root = math.sqrt(delay**2 + 2.0 * brake * left)
     speed = root - delay - gained
     slope = brake / max(root, 1e-9)
-    if _POSITION_GAIN * distance < speed:
-        speed = _POSITION_GAIN * distance
-        slope = _POSITION_GAIN
+    if POSITION_GAIN * distance < speed:
+        speed = POSITION_GAIN * distance
+        slope = POSITION_GAIN
     if speed >= top:
         speed = top
         slope = 0.0
-    wanted = np.empty(3)
+    off = np.empty(3)
     for i in range(3):
-        wanted[i] = _VELOCITY_GAIN * (speed * direction[i] - guidance[VELOCITY + i]) - slope * closing * direction[i]
+        off[i] = speed * direction[i] - guidance[VELOCITY + i]
+    # No more acceleration than can be taken back, at the limited jerk, while the speed comes right.
+    gain = min(_VELOCITY_GAIN, math.sqrt(2.0 * jerk / max(math.sqrt(off[0] ** 2 + off[1] ** 2 + off[2] ** 2), 1e-9)))
+    wanted = gain * off - slope * closing * direction
     # Shortened as a whole, so that a straight way stays straight.
     lean = math.sqrt(wanted[0] ** 2 + wanted[1] ** 2)
     wanted *= min(

@@ -18,17 +18,26 @@ ACTIVE = int(mavlink.MAV_STATE_ACTIVE)
 SHORTEST_S = 0.005
 CAMERA_HEARTBEAT_S = 1.0
 
+RC_CHANNELS = int(mavlink.MAVLINK_MSG_ID_RC_CHANNELS)
+CHANNELS, NO_CHANNEL = 18, 65535
+CENTRED_US = 1500
+
 
 class MessageStreams:
     """The streams of one vehicle, and the commands that set them.
 
     Args:
         vehicle: whose they are.
+
+    Attributes:
+        sticks_us: where the pilot's sticks are: roll, pitch, throttle, yaw.
     """
 
     def __init__(self, vehicle: SimulatedVehicle) -> None:
         self._vehicle = vehicle
         self._camera_heartbeat_s = -math.inf
+        self._own = {HEARTBEAT: vehicle.heartbeat, RC_CHANNELS: self._rc_channels}
+        self.sticks_us = [CENTRED_US] * 4
 
     def commands(self) -> dict[int, Callable[[Command, Channel], int]]:
         """What is called for which command."""
@@ -71,11 +80,16 @@ class MessageStreams:
             vehicle.broadcast(beat, CAMERA_COMPONENT)
 
     def _build(self, message_id: int) -> Message | None:
-        vehicle = self._vehicle
-        return vehicle.heartbeat() if message_id == HEARTBEAT else vehicle.telemetry.build(message_id)
+        own = self._own.get(message_id)
+        return self._vehicle.telemetry.build(message_id) if own is None else own()
 
     def _knows(self, message_id: int) -> bool:
-        return message_id == HEARTBEAT or self._vehicle.telemetry.knows(message_id)
+        return message_id in self._own or self._vehicle.telemetry.knows(message_id)
+
+    def _rc_channels(self) -> Message:
+        sticks = self.sticks_us
+        channels = [*sticks, *[NO_CHANNEL] * (CHANNELS - len(sticks))]
+        return mavlink.MAVLink_rc_channels_message(self._vehicle.boot_ms, len(sticks), *channels, 255)
 
     def _set_interval(self, command: Command, channel: Channel) -> int:
         message_id, interval_us = int(command.params[0]), command.params[1]

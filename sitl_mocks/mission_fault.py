@@ -49,11 +49,18 @@ class MissionFault:
         self.rng = rng
         self.meddled_s = -math.inf
         """When somebody else last changed what the vehicle holds."""
+        self.restarts = 0
+        """How often it had the autopilot start anew."""
 
     def hear(self, message: Message, wall_s: float) -> list[Message]:
         """What reaches the server of a mission message that came in."""
         del wall_s
         return [message]
+
+    def hears_file(self, wall_s: float) -> bool:
+        """Whether a request about the file of the list reaches the vehicle."""
+        del wall_s
+        return True
 
     def say(self, message: Message, wall_s: float) -> list[Said]:
         """What goes out of a message of the server."""
@@ -68,10 +75,9 @@ class MissionFault:
         """Wall time at which `step` has something to do."""
         return math.inf
 
-    @staticmethod
-    def ack(result: int) -> Message:
+    def ack(self, result: int) -> Message:
         """A MISSION_ACK to the station."""
-        return mavlink.MAVLink_mission_ack_message(*STATION, result, 0)
+        return mavlink.MAVLink_mission_ack_message(*STATION, result, self.server.mission_type)
 
 
 class MissionDoor:
@@ -90,6 +96,11 @@ class MissionDoor:
     def meddled_s(self) -> float:
         """When somebody else last changed what the vehicle holds."""
         return max((fault.meddled_s for fault in self._faults), default=-math.inf)
+
+    @property
+    def restarts(self) -> int:
+        """How often the autopilot has started anew."""
+        return sum(fault.restarts for fault in self._faults)
 
     @property
     def severs(self) -> frozenset[str]:
@@ -111,6 +122,10 @@ class MissionDoor:
         for each in heard:
             self._server.handle(each, self._speaker(send, wall_s), wall_s)
         return True
+
+    def hears_file(self, wall_s: float) -> bool:
+        """Whether a request about the file of the list gets through."""
+        return all(fault.hears_file(wall_s) for fault in self._faults)
 
     def step(self, wall_s: float) -> None:
         """Let time pass for the faults."""

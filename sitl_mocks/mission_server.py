@@ -74,6 +74,20 @@ class MissionServer(ABC):
         self.upload: Upload | None = None
         self.others: dict[int, MissionServer] = {}
 
+    @property
+    def mission_type(self) -> int:
+        """MAV_MISSION_TYPE of its own list."""
+        return self._kind.mission_type
+
+    @property
+    def home_is_item_0(self) -> bool:
+        """Whether its list begins with home, whatever was uploaded."""
+        return self.HOME_IS_ITEM_0 and self.mission_type == 0
+
+    def keep(self, item: StoredItem) -> StoredItem:
+        """What is kept of an item; raises ItemRefused."""
+        return self._kind.keep(item)
+
     def handle(self, message: Message, send: Callable[[Message], None], wall_s: float) -> bool:
         """Answer a message of the mission protocol; False if it is none."""
         kind = message.get_type()

@@ -4,19 +4,21 @@ from __future__ import annotations
 
 import math
 import struct
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from random import Random
 
+from sitl_mocks.ardupilot_files import ArduPilotFiles
 from sitl_mocks.ardupilot_mission_server import ArduPilotMissionServer
 from sitl_mocks.channel import Channel, FaultyPipe, LinkFaults
 from sitl_mocks.dialect import AUTOPILOT_COMPONENT, Message, mavlink
-from sitl_mocks.fence_rally import ARDUPILOT_MISSION, PX4_MISSION
+from sitl_mocks.file_server import FileServer
 from sitl_mocks.link_faults import SEVERING, ChangingLink, link_changes
 from sitl_mocks.mission_fault import DOWNLOAD, UPLOAD, MissionDoor
 from sitl_mocks.mission_faults import make_faults
 from sitl_mocks.mission_items import ItemRefused, StoredItem, float32
 from sitl_mocks.mission_server import MissionServer
+from sitl_mocks.parameters import ParameterServer
 from sitl_mocks.plan_id import wire_form
 from sitl_mocks.px4_mission_server import Px4MissionServer
 
@@ -43,6 +45,8 @@ class WorldSpec:
         loss: of packets, each way.
         latency_s: of the link, one way.
         jitter_s: each packet takes up to so much longer.
+        mission_type: MAV_MISSION_TYPE of the list that is transferred.
+        serves_files: whether the vehicle has the lists as files, too; ArduPilot does.
         plan: what a station will upload, as wire items; empty when it just reads.
         held: what the vehicle holds at first, likewise.
     """
@@ -55,6 +59,8 @@ class WorldSpec:
     held: tuple[WireItem, ...]
     latency_s: float = 0.025
     jitter_s: float = 0.005
+    mission_type: int = 0
+    serves_files: bool = False
 
 
 class MissionWorld:
@@ -67,11 +73,17 @@ class MissionWorld:
     def __init__(self, spec: WorldSpec) -> None:
         rng = Random(spec.seed)
         self.now_s = 0.0
-        self._server = _make_server(spec.autopilot)
+        self._servers = _make_servers(spec.autopilot)
+        self._server = self._servers if spec.mission_type == 0 else self._servers.others[spec.mission_type]
+        self._serves_files = spec.serves_files
+        self._files = self._make_files()
+        self._file_made_s = math.inf
+        """When the vehicle made the file that the station reads; infinite when it reads item by item."""
+        self._restarts = 0
         self._plan = self._kept(spec.plan)
         self._server.items = self._kept(spec.held) or []
         self._severed = any(name in SEVERING for name in spec.faults)
-        self._door = MissionDoor(self._server, make_faults(spec.faults, self._server, rng))
+        self._door = MissionDoor(self._servers, make_faults(spec.faults, self._server, rng))
         self._faults = LinkFaults(loss=spec.loss, delay_s=spec.jitter_s, latency_s=spec.latency_s)
         self._link = ChangingLink(self._faults, link_changes(spec.faults, rng), 0.0)
         self._link.step(0.0)
@@ -94,7 +106,8 @@ class MissionWorld:
             self.now_s = max(self.now_s, min(until_s, self._next_s()))
             self._link.step(self.now_s)
             self._up.release(self.now_s)
-            self._server.step(self.now_s)
+            self._servers.step(self.now_s)
+            self._files.step()
             self._door.step(self.now_s)
             self._down.release(self.now_s)
             if self._server.items != self._history[-1][1]:
@@ -111,19 +124,20 @@ class MissionWorld:
             read: what the station says that the vehicle holds, after a download.
 
         Returns:
-            `held`: the vehicle held the plan when it sent the station its last words; `holds`: it holds it in the end;
+            `held`: the vehicle held the plan when it sent the station its last words, or made the file that it last
+            gave out; `holds`: it holds it in the end;
             `meddled`: somebody else changed it since; `severed_upload`, `severed_download`: no such transfer can end;
             `read_right`: what the station read is what the vehicle held when it sent its last words.
         """
         under_way_s = self._faults.latency_s + self._faults.delay_s + (_QUEUED_S if self._faults.bytes_per_s else 0.0)
-        spoken_s = self.now_s - under_way_s
+        spoken_s = min(self.now_s - under_way_s, self._file_made_s)
         lately = [
             items
             for (_, items), (until_s, _) in zip(self._history, [*self._history[1:], (math.inf, [])], strict=True)
             if until_s >= spoken_s
         ]
         meddled, severs = self._door.meddled_s >= spoken_s, self._door.severs
-        self._door = MissionDoor(self._server)
+        self._door = MissionDoor(self._servers)
         end_s = self.now_s + AFTERMATH_S
         while self.now_s < end_s:
             self.pass_time(end_s, ())
@@ -137,41 +151,93 @@ class MissionWorld:
         }
 
     def _next_s(self) -> float:
-        return min(self._up.next_s, self._down.next_s, self._server.next_s, self._door.next_s, self._link.next_s)
+        if self._files.busy:
+            return self.now_s
+        return min(self._up.next_s, self._down.next_s, self._servers.next_s, self._door.next_s, self._link.next_s)
 
     def _arrive(self, packet: bytes) -> None:
         try:
             message = self._parser.decode(bytearray(packet))
         except (mavlink.MAVError, struct.error):
             return  # damaged on the way; each packet comes by itself here, so that it takes no other with it
+        if message.get_type() == "FILE_TRANSFER_PROTOCOL":
+            self._file_request(message)
+            return
+        self._file_made_s = math.inf
         self._door.handle(message, self._say, self.now_s)
+
+    def _file_request(self, message: Message) -> None:
+        heard = self._door.hears_file(self.now_s)
+        if self._door.restarts != self._restarts:
+            self._restarts = self._door.restarts
+            self._files = self._make_files()
+        if heard and self._serves_files:
+            self._files.handle(message, self._say)
+
+    def _make_files(self) -> FileServer:
+        servers = self._servers.by_type if isinstance(self._servers, ArduPilotMissionServer) else {}
+        return FileServer(_NoFiles(), sessions=1, virtual=_ListFiles(servers, self._note_file))
+
+    def _note_file(self) -> None:
+        self._file_made_s = self.now_s
 
     def _say(self, message: Message, component: int = AUTOPILOT_COMPONENT, system_id: int | None = None) -> None:
         self._channel.send(message, component, system_id)
 
     def _kept(self, items: Sequence[WireItem]) -> list[StoredItem] | None:
         """What the vehicle makes of wire items; None when it does not take them all, or there are none."""
-        kind = PX4_MISSION if isinstance(self._server, Px4MissionServer) else ARDUPILOT_MISSION
         try:
-            return [_with_wire(item, kind.keep(item)) for item in map(_stored, items)] or None
+            return [_with_wire(item, self._server.keep(item)) for item in map(_stored, items)] or None
         except ItemRefused:
             return None
 
     def _is_plan(self, items: Sequence[StoredItem]) -> bool:
-        first = int(self._server.HOME_IS_ITEM_0)
+        first = int(self._server.home_is_item_0)
         if self._plan is None or len(items) != len(self._plan):
             return False
         return all(_exact(a) == _exact(b) for a, b in list(zip(items, self._plan, strict=True))[first:])
 
     def _tells(self, items: Sequence[StoredItem], read: Sequence[WireItem]) -> bool:
         """Whether a station that read these wire items read this list."""
-        first = int(self._server.HOME_IS_ITEM_0)
+        first = int(self._server.home_is_item_0)
         if len(items) != len(read):
             return False
         return all(_about(a, _stored(b)) for a, b in list(zip(items, read, strict=True))[first:])
 
 
-def _make_server(autopilot: str) -> MissionServer:
+class _ListFiles(ArduPilotFiles):
+    """The lists as files.
+
+    Args:
+        servers: by MAV_MISSION_TYPE.
+        made: called whenever one is made to be read.
+    """
+
+    def __init__(self, servers: Mapping[int, ArduPilotMissionServer], made: Callable[[], None]) -> None:
+        super().__init__(lambda: ParameterServer({}, bytewise=False), servers)
+        self._made = made
+
+    def content(self, path: str) -> bytes | None:
+        """See base class."""
+        self._made()
+        return super().content(path)
+
+
+class _NoFiles:
+    """A folder without files."""
+
+    def content(self, path: str) -> bytes | None:
+        """There is none."""
+        del path
+        return None
+
+    def entries(self, path: str) -> list[str] | None:
+        """There are none."""
+        del path
+        return None
+
+
+def _make_servers(autopilot: str) -> MissionServer:
     if autopilot == "px4":
         return Px4MissionServer(lambda _severity, _text: None, lambda: None, lambda: 0)
     return ArduPilotMissionServer(lambda _severity, _text: None, lambda: None, lambda: _HOME, lambda: True)

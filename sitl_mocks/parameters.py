@@ -6,6 +6,7 @@ import math
 import struct
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from types import MappingProxyType
 
 from gcs.core.errors import InputError
 from sitl_mocks.dialect import Message, mavlink
@@ -34,6 +35,8 @@ class ParameterServer:
         table: name -> (value, MAV_PARAM_TYPE).
         bytewise: integers travel as the bytes of the float field (PX4) instead of being cast to float (ArduPilot).
         answers_unknown: what to do about a name that does not exist; None for silence.
+        at_most: name -> name of the parameter that it is clamped to when one of the two is written.
+        clamped: what to do about one that was.
     """
 
     LIST_PER_STEP = 10
@@ -44,12 +47,16 @@ class ParameterServer:
         *,
         bytewise: bool,
         answers_unknown: Callable[[str], None] | None = None,
+        at_most: Mapping[str, str] = MappingProxyType({}),
+        clamped: Callable[[str], None] = lambda _name: None,
     ) -> None:
         self._parameters = {name: Parameter(float(value), kind) for name, (value, kind) in sorted(table.items())}
         self._defaults = {name: parameter.value for name, parameter in self._parameters.items()}
         self._names = list(self._parameters)
         self._bytewise = bytewise
         self._answers_unknown = answers_unknown
+        self._at_most = at_most
+        self._clamped = clamped
         self._listing: dict[object, tuple[Callable[[Message], None], int]] = {}
 
     def __getitem__(self, name: str) -> float:
@@ -121,7 +128,14 @@ class ParameterServer:
             value = float(message.param_value)
         if math.isfinite(value):
             self._set(parameter, value)
+            self._clamp(name)
         send(self._value_message(name, self._names.index(name) if self._bytewise else 65535))
+
+    def _clamp(self, written: str) -> None:
+        for name, limit in self._at_most.items():
+            if written in {name, limit} and self[name] > self[limit]:
+                self._parameters[name].value = self[limit]
+                self._clamped(name)
 
     @staticmethod
     def _set(parameter: Parameter, value: float) -> None:

@@ -25,6 +25,11 @@ def wire_form(message: Message) -> bytes:
     return packer.pack(message.frame, message.command, message.autocontinue, *params, message.x, message.y, message.z)
 
 
+def sent_frame(item: StoredItem) -> int | None:
+    """The frame in which an item came over the wire; None of one that did not."""
+    return item.wire[0] if item.wire else None
+
+
 def plan_id(items: Iterable[StoredItem]) -> int:
     """The id of a list: PX4 starts the CRC at 0 and does not invert its end."""
     return zlib.crc32(b"".join(item.wire for item in items), _ALL_BITS) ^ _ALL_BITS

@@ -5,27 +5,27 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 
-import numpy as np
-
 from gcs.core.frames import yaw_from_heading
-from sitl_mocks.airframe import FlightLimits, FlightSetpoint
+from sitl_mocks.airframe import FlightLimits
 from sitl_mocks.channel import Channel
 from sitl_mocks.commands import ACCEPTED, DENIED, REJECTED, UNSUPPORTED, Command
 from sitl_mocks.dialect import AUTOPILOT_COMPONENT, CAMERA_COMPONENT, Message, mavlink
-from sitl_mocks.flight_tasks import DescentProfile, Land, ReturnHome, Sink
+from sitl_mocks.fence_rally import FENCE, outside
+from sitl_mocks.flight_tasks import DescentProfile, Land, Sink
 from sitl_mocks.mission_server import MissionServer
 from sitl_mocks.parameters import ParameterServer
 from sitl_mocks.position_cascade import CascadeGains
+from sitl_mocks.px4_events import ITEM_REFUSED, Px4Events
 from sitl_mocks.px4_failsafes import Px4Failsafes
+from sitl_mocks.px4_feasibility import MissionCheck
 from sitl_mocks.px4_mission_run import Px4MissionRun
 from sitl_mocks.px4_mission_server import Px4MissionServer
 from sitl_mocks.px4_modes import AUTO_MODES, NAMES, PILOT_MODES, Mode, mode_number
-from sitl_mocks.px4_parameters import PX4_PARAMETERS
-from sitl_mocks.setpoints import Setpoint
+from sitl_mocks.px4_parameters import PX4_AT_MOST, PX4_PARAMETERS
+from sitl_mocks.setpoints import Setpoint, lead_by_setpoint
 from sitl_mocks.vehicle import ACTIVE, CRITICAL, LOGIC_S, STANDBY, SimulatedVehicle
+from sitl_mocks.ways_home import px4_return
 
-_FEASIBILITY_S = 1.0
-"""An upload is found flyable this long (wall time) after it was acknowledged."""
 _SINK_M_S = 0.7
 STREAM_LOSS = "offboard loss"
 _STREAM_ALIVE_S = 0.5
@@ -50,6 +50,8 @@ class Px4Vehicle(SimulatedVehicle):
             table,
             bytewise=True,
             answers_unknown=lambda name: self.say(mavlink.MAV_SEVERITY_ERROR, f"unknown param: {name}"),
+            at_most=PX4_AT_MOST,
+            clamped=lambda name: self.say(mavlink.MAV_SEVERITY_WARNING, f"{name} clamped to its maximum"),
         )
 
     def _prepare(self) -> None:
@@ -59,12 +61,18 @@ class Px4Vehicle(SimulatedVehicle):
         self._setpoint: Setpoint | None = None
         self._setpoint_s = -math.inf
         self._failsafes = Px4Failsafes(self)
-        self._checked = True
-        self._check_at_s = 0.0
+        self._events = Px4Events(self.broadcast, lambda: self.boot_ms)
+        self._check = MissionCheck()
         self.run = Px4MissionRun(self)
 
     def _make_mission_server(self) -> MissionServer:
-        return Px4MissionServer(self.say, self._mission_changed, lambda: self.run.current)
+        return Px4MissionServer(
+            self.say,
+            self._mission_changed,
+            lambda: self.run.current,
+            fence_changed=self._fence_changed,
+            item_refused=lambda: self._events.tell(ITEM_REFUSED),
+        )
 
     # Telemetry -------------------------------------------------------------------------------------------------------
 
@@ -350,23 +358,11 @@ class Px4Vehicle(SimulatedVehicle):
             self.flight.begin(task)
 
     def _return(self) -> None:
-        """Climb, fly home, land."""
+        """Climb, fly to the nearest place to land at, land."""
         if self.flight.landed:
             self.disarm("Disarmed by landing")
             return
-        self.flight.begin(
-            ReturnHome(self.airframe, self.base_limits(), self.descent(), self.home_m, self._return_height_m())
-        )
-
-    def _return_height_m(self) -> float:
-        """Within RTL_MIN_DIST of home it climbs no higher than a cone of half angle RTL_CONE_ANG."""
-        p = self.parameters
-        height, aside = p["RTL_RETURN_ALT"], float(np.hypot(*(self.airframe.position_m - self.home_m)[:2]))
-        angle = p["RTL_CONE_ANG"]
-        if angle <= 0.0 or aside > p["RTL_MIN_DIST"]:
-            return height
-        cone = 0.0 if angle >= 90.0 else aside / math.tan(math.radians(angle))
-        return min(height, max(cone, 2.0 * p["NAV_ACC_RAD"]))
+        self.flight.begin(px4_return(self))
 
     def return_from_mission(self) -> None:
         """A return item is, as on the real one, a change to the return mode."""
@@ -387,18 +383,24 @@ class Px4Vehicle(SimulatedVehicle):
 
     def _mission_changed(self) -> None:
         self.run.mission_replaced()
-        self._checked = False
-        self._check_at_s = self.wall_s + _FEASIBILITY_S
+        self._check.begin(self.wall_s)
+        flaw = self.run.flaw()
+        if flaw is not None:
+            self._events.tell(flaw)
         if self.mode is Mode.MISSION and not self.run.mission:
             self._intended = Mode.LOITER
             self._enter(Mode.LOITER)
 
     def _mission_is_flyable(self) -> bool:
         if self.in_air and self.mode is Mode.MISSION:
-            self._checked = True  # an upload into a mission that is being flown goes on at once
-        if not self._checked and self.wall_s >= self._check_at_s:
-            self._checked = True
-        return self._checked and self.run.is_flyable()
+            self._check.end()
+        return self._check.is_over(self.wall_s) and bool(self.run.mission) and self.run.flaw() is None
+
+    def _fence_changed(self) -> None:
+        """A fence with home outside is taken all the same; the text's words were not recorded."""
+        fence = self.missions.others[FENCE].items
+        if fence and outside(fence, self.home.latitude_deg, self.home.longitude_deg, of_all=False):
+            self.say(mavlink.MAV_SEVERITY_CRITICAL, "Geofence: home is outside")
 
     def _tick(self) -> None:
         if not self.armed:
@@ -423,26 +425,7 @@ class Px4Vehicle(SimulatedVehicle):
         if self.mode is Mode.OFFBOARD or self.failsafe == STREAM_LOSS:
             self.counters.followed(self.time_s)
         if self.mode is Mode.OFFBOARD and self.armed:
-            self._apply_setpoint(setpoint)
-
-    def _apply_setpoint(self, setpoint: Setpoint) -> None:
-        zero = np.zeros(3)
-        if setpoint.velocity_m_s is None and setpoint.acceleration_m_s2 is None and setpoint.position_m is not None:
-            yaw = setpoint.yaw_rad if math.isfinite(setpoint.yaw_rad) else None
-            self.airframe.go_to(setpoint.position_m, yaw)
-            return
-        position = setpoint.position_m
-        if position is None:
-            position = self.airframe.position_m
-        self.airframe.follow(
-            FlightSetpoint(
-                position,
-                zero if setpoint.velocity_m_s is None else setpoint.velocity_m_s,
-                zero if setpoint.acceleration_m_s2 is None else setpoint.acceleration_m_s2,
-                setpoint.yaw_rad,
-                setpoint.yaw_rate_rad_s,
-            )
-        )
+            lead_by_setpoint(self.airframe, setpoint)
 
     def _stream_is_alive(self) -> bool:
         return self.time_s - self._setpoint_s < max(_STREAM_ALIVE_S, self.parameters["COM_OF_LOSS_T"])
@@ -467,7 +450,7 @@ class Px4Vehicle(SimulatedVehicle):
             self.disarm("Disarmed by landing")
         elif self.mode is Mode.OFFBOARD:
             if not self.airframe.running and self._setpoint is not None:
-                self._apply_setpoint(self._setpoint)
+                lead_by_setpoint(self.airframe, self._setpoint)
         elif self.flight.run(LOGIC_S) and self.flight.landed:
             self.say_info("Landing detected")
             self.disarm("Disarmed by landing")

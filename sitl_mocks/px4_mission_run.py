@@ -12,6 +12,8 @@ from sitl_mocks import mission_items as items
 from sitl_mocks.commands import Command
 from sitl_mocks.flight_tasks import Land
 from sitl_mocks.mission_items import StoredItem
+from sitl_mocks.px4_events import NOT_FLYABLE, Event
+from sitl_mocks.px4_feasibility import flaw_of
 from sitl_mocks.scene_frame import Array
 
 if TYPE_CHECKING:
@@ -70,16 +72,13 @@ class Px4MissionRun:
         """Another mode took over; the present item is begun anew when the mission goes on."""
         self._active = None
 
-    def is_flyable(self) -> bool:
-        """PX4's feasibility check, which an accepted upload has yet to pass."""
-        if not self.mission:
-            return False
-        for item in self.mission:
-            if not items.global_of_command(item):
-                continue
-            if not math.isfinite(item.z) or abs(item.x) > 900_000_000 or abs(item.y) > 1_800_000_000:
-                return False
-        first = next((i for i in self.mission if items.global_of_command(i) and (i.x or i.y)), None)
+    def flaw(self) -> Event | None:
+        """What PX4's feasibility check, which an accepted upload has yet to pass, has to tell of."""
+        found = flaw_of(self.mission)
+        return NOT_FLYABLE if found is None and not self._first_is_near() else found
+
+    def _first_is_near(self) -> bool:
+        first = next((i for i in self.mission if items.has_place(i) and (i.x or i.y)), None)
         if first is None:
             return True
         way = self._place(first) - self._vehicle.home_m
@@ -142,7 +141,7 @@ class Px4MissionRun:
             return not (item.x or item.y) or self._near(target, item)
         if item.command in _PLACES:
             return self._stayed(item, task_done)
-        if item.command in {items.DELAY, items.CONDITION_DELAY}:
+        if item.command == items.DELAY:
             if self._since_s is None:
                 self._since_s = vehicle.time_s
             return vehicle.time_s - self._since_s >= item.params[0]
@@ -199,7 +198,7 @@ class Px4MissionRun:
         following = self.current + 1
         while following < len(self.mission):
             item = self.mission[following]
-            if item.command in _PLACES | {items.TAKEOFF, items.LAND, items.RETURN, items.DELAY, items.CONDITION_DELAY}:
+            if item.command in _PLACES | {items.TAKEOFF, items.LAND, items.RETURN, items.DELAY}:
                 break
             if item.command == items.JUMP:
                 following = self._jump(item, following)

@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 from sitl_mocks.dialect import Message, mavlink
-from sitl_mocks.fence_rally import PX4_LISTS, PX4_MISSION, ListKind
+from sitl_mocks.fence_rally import FENCE, PX4_LISTS, PX4_MISSION, ListKind
 from sitl_mocks.mission_items import ItemRefused, StoredItem, item_of_message, message_of_item
 from sitl_mocks.mission_server import ACCEPTED, ALL_LISTS, CANCELLED, ERROR, NO_SPACE, MissionServer, Peer, Upload
 from sitl_mocks.plan_id import MissionAckWithId, MissionCountWithId, plan_id, wire_form
@@ -30,6 +30,8 @@ class Px4MissionServer(MissionServer):
 
     Args:
         current: sequence of the current item, which is marked when items are given out.
+        fence_changed: called when the stored fence has changed.
+        item_refused: called when an item was not taken.
         kind: which list; the mission's server has those of the other lists in `others`.
     """
 
@@ -42,11 +44,17 @@ class Px4MissionServer(MissionServer):
         changed: Callable[[], None],
         current: Callable[[], int],
         kind: ListKind = PX4_MISSION,
+        fence_changed: Callable[[], None] = lambda: None,
+        item_refused: Callable[[], None] = lambda: None,
     ) -> None:
         super().__init__(say, changed, kind)
+        self._item_refused = item_refused
         if kind is PX4_MISSION:
-            lists = (Px4MissionServer(say, lambda: None, lambda: -1, other) for other in PX4_LISTS)
-            self.others = {server._kind.mission_type: server for server in lists}
+            for other in PX4_LISTS:
+                told = fence_changed if other.mission_type == FENCE else lambda: None
+                self.others[other.mission_type] = Px4MissionServer(
+                    say, told, lambda: -1, other, item_refused=item_refused
+                )
         self._current = current
         self._arriving: list[StoredItem] = []
         self._sender: Peer | None = None
@@ -140,6 +148,7 @@ class Px4MissionServer(MissionServer):
         except ItemRefused as refusal:
             self._acknowledge(refusal.result, peer, send)
             self._say(mavlink.MAV_SEVERITY_CRITICAL, "IGN MISSION_ITEM: Invalid item")
+            self._item_refused()
             self.upload = None
             return
         self._arriving.append(replace(kept, wire=wire_form(message)))

@@ -81,3 +81,10 @@ PX4_PARAMETERS: dict[str, tuple[float, int]] = {
     "SYS_AUTOSTART": (4001, INT32),
     "TRIG_MODE": (0, INT32),
 }
+
+PX4_AT_MOST = {
+    "MPC_XY_CRUISE": "MPC_XY_VEL_MAX",
+    "MPC_Z_V_AUTO_DN": "MPC_Z_VEL_MAX_DN",
+    "MPC_Z_V_AUTO_UP": "MPC_Z_VEL_MAX_UP",
+}
+"""Speeds of the auto modes that PX4 clamps, with a warning, to what the vehicle may fly at all."""

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from gcs.core.frames import GeoPoint, yaw_from_heading
+from sitl_mocks.airframe import Airframe, FlightSetpoint
 from sitl_mocks.dialect import Message, mavlink
 from sitl_mocks.scene_frame import Array, SceneFrame
 
@@ -75,3 +76,20 @@ def _position(message: Message, frame: SceneFrame, home: GeoPoint) -> Array | No
     elif message.coordinate_frame not in {mavlink.MAV_FRAME_GLOBAL, mavlink.MAV_FRAME_GLOBAL_INT}:
         return None
     return frame.scene_e7(message.lat_int, message.lon_int, altitude)
+
+
+def lead_by_setpoint(airframe: Airframe, setpoint: Setpoint) -> None:
+    """Have an airframe fly what a setpoint says: to a bare position as to a waypoint, anything else as it comes."""
+    if setpoint.velocity_m_s is None and setpoint.acceleration_m_s2 is None and setpoint.position_m is not None:
+        airframe.go_to(setpoint.position_m, setpoint.yaw_rad if math.isfinite(setpoint.yaw_rad) else None)
+        return
+    zero = np.zeros(3)
+    airframe.follow(
+        FlightSetpoint(
+            airframe.position_m if setpoint.position_m is None else setpoint.position_m,
+            zero if setpoint.velocity_m_s is None else setpoint.velocity_m_s,
+            zero if setpoint.acceleration_m_s2 is None else setpoint.acceleration_m_s2,
+            setpoint.yaw_rad,
+            setpoint.yaw_rate_rad_s,
+        )
+    )

@@ -75,6 +75,7 @@ class ReplacedByOther(MissionFault):
         super().__init__(server, rng)
         self._clears = clears
         self._when = rng.choice(("acknowledged", "read"))
+        self._file_requests = rng.randrange(12)
         self._uploaded = self._done = False
 
     def hear(self, message: Message, wall_s: float) -> list[Message]:
@@ -91,15 +92,25 @@ class ReplacedByOther(MissionFault):
                 self._replace(wall_s)
         return [Said(message)]
 
+    def hears_file(self, wall_s: float) -> bool:
+        """See base class."""
+        self._file_requests -= 1
+        if self._file_requests < 0:
+            self._replace(wall_s)
+        return True
+
     def _replace(self, wall_s: float) -> None:
         if not self._done:
             self._done = True
             self.meddled_s = wall_s
-            self.server.items = [] if self._clears else foreign_plan(self.rng)
+            self.server.items = [] if self._clears else foreign_plan(self.rng, self.server.mission_type)
 
 
 class Rounded(MissionFault):
-    """Numbers come back rounded: places by a unit of the last digit, the rest by what single precision leaves."""
+    """Numbers come back rounded: places by a unit of the last digit, the rest by what single precision leaves.
+
+    Whole numbers do not: what an autopilot keeps as an integer comes back as it is.
+    """
 
     def __init__(self, server: MissionServer, rng: Random) -> None:
         super().__init__(server, rng)
@@ -113,8 +124,10 @@ class Rounded(MissionFault):
             if message.x and message.y:
                 message.x += chance.choice((-1, 0, 1))
                 message.y += chance.choice((-1, 0, 1))
-            message.z *= 1.0 + chance.choice((-1, 0, 1)) * _LAST_BIT
-            message.param4 *= 1.0 + chance.choice((-1, 0, 1)) * _LAST_BIT
+            for name in ("z", "param4"):
+                value = getattr(message, name)
+                if value % 1.0:
+                    setattr(message, name, value * (1.0 + chance.choice((-1, 0, 1)) * _LAST_BIT))
         return [Said(message)]
 
 
@@ -124,7 +137,7 @@ class DriftingHome(MissionFault):
     def say(self, message: Message, wall_s: float) -> list[Said]:
         """See base class."""
         del wall_s
-        if self.server.HOME_IS_ITEM_0 and message.get_type() in ITEMS and message.seq == 0:
+        if self.server.home_is_item_0 and message.get_type() in ITEMS and message.seq == 0:
             message.x += self.rng.randrange(-50, 50)
             message.y += self.rng.randrange(-50, 50)
             message.z += self.rng.uniform(-0.5, 0.5)

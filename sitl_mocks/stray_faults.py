@@ -7,13 +7,13 @@ from dataclasses import replace
 from random import Random
 
 from sitl_mocks.dialect import AUTOPILOT_COMPONENT, CAMERA_COMPONENT, Message, mavlink
+from sitl_mocks.fence_rally import EXCLUDED_CIRCLE, FENCE, RALLY, RALLY_POINT
 from sitl_mocks.mission_fault import DOWNLOAD, ITEMS, REQUESTS, STATION, UPLOAD, MissionFault, Said
 from sitl_mocks.mission_items import StoredItem
 from sitl_mocks.mission_server import ACCEPTED, CANCELLED, ERROR, NO_SPACE, UNSUPPORTED, MissionServer
 from sitl_mocks.plan_id import wire_form
 
 _OTHER_STATION = (254, 190)
-_FENCE = 1
 
 
 class Deaf(MissionFault):
@@ -26,17 +26,23 @@ class Deaf(MissionFault):
         del message, wall_s
         return []
 
+    def hears_file(self, wall_s: float) -> bool:
+        """See base class."""
+        del wall_s
+        return False
+
 
 class StaleOfOtherList(MissionFault):
-    """Acknowledgements and requests about the fence come in between."""
+    """Acknowledgements and requests about another list come in between; about the fence, beside a mission."""
 
     def say(self, message: Message, wall_s: float) -> list[Said]:
         """See base class."""
         del wall_s
+        other = (self.server.mission_type + 1) % 3
         stale = [
-            mavlink.MAVLink_mission_ack_message(*STATION, self.rng.choice((ACCEPTED, ERROR, NO_SPACE)), _FENCE),
-            mavlink.MAVLink_mission_request_int_message(*STATION, self.rng.randrange(5), _FENCE),
-            mavlink.MAVLink_mission_count_message(*STATION, 3, _FENCE),
+            mavlink.MAVLink_mission_ack_message(*STATION, self.rng.choice((ACCEPTED, ERROR, NO_SPACE)), other),
+            mavlink.MAVLink_mission_request_int_message(*STATION, self.rng.randrange(5), other),
+            mavlink.MAVLink_mission_count_message(*STATION, 3, other),
         ]
         return [*map(Said, stale), Said(message)]
 
@@ -54,8 +60,8 @@ class Impostor(MissionFault):
         result = self.rng.choice((ACCEPTED, ERROR, UNSUPPORTED, NO_SPACE, CANCELLED))
         foreign = [
             self.ack(result),
-            mavlink.MAVLink_mission_request_int_message(*STATION, self.rng.randrange(5), 0),
-            mavlink.MAVLink_mission_count_message(*STATION, 3, 0),
+            mavlink.MAVLink_mission_request_int_message(*STATION, self.rng.randrange(5), self.server.mission_type),
+            mavlink.MAVLink_mission_count_message(*STATION, 3, self.server.mission_type),
         ]
         return [*(Said(each, *self._source) for each in foreign), Said(message)]
 
@@ -87,22 +93,32 @@ class Reboot(MissionFault):
     def hear(self, message: Message, wall_s: float) -> list[Message]:
         """See base class."""
         if message.get_type() in self._TRIGGERS:
-            self._after -= 1
-            if self._after == -1:
-                self.server.restart()
-                self._silent_until_s = wall_s + self.rng.uniform(1.0, 4.0)
+            self._count_down(wall_s)
         return [] if wall_s < self._silent_until_s else [message]
 
+    def hears_file(self, wall_s: float) -> bool:
+        """See base class."""
+        self._count_down(wall_s)
+        return wall_s >= self._silent_until_s
 
-def foreign_plan(rng: Random) -> list[StoredItem]:
-    """A mission of somebody else; every item differs from those of any plan that is tested with."""
+    def _count_down(self, wall_s: float) -> None:
+        self._after -= 1
+        if self._after == -1:
+            self.server.restart()
+            self.restarts += 1
+            self._silent_until_s = wall_s + self.rng.uniform(1.0, 4.0)
+
+
+def foreign_plan(rng: Random, mission_type: int) -> list[StoredItem]:
+    """A list of somebody else; every item differs from those of any plan that is tested with."""
+    command, size_m = {0: (16, 0.0), FENCE: (EXCLUDED_CIRCLE, 55.0), RALLY: (RALLY_POINT, 0.0)}[mission_type]
     plan = []
     for sequence in range(rng.randrange(3, 8)):
         x, y = rng.randrange(-(10**8), 10**8), rng.randrange(-(10**8), 10**8)
         message = mavlink.MAVLink_mission_item_int_message(
-            1, 1, sequence, 6, 16, 0, 1, 0.0, 0.0, 0.0, 0.0, x, y, 55.0, 0
+            1, 1, sequence, 6, command, 0, 1, size_m, 0.0, 0.0, 0.0, x, y, 55.0, mission_type
         )
-        item = StoredItem(6, 16, (0.0, 0.0, 0.0, 0.0), x, y, 55.0)
+        item = StoredItem(6, command, (size_m, 0.0, 0.0, 0.0), x, y, 55.0)
         plan.append(replace(item, wire=wire_form(message)))
     return plan
 
@@ -115,7 +131,7 @@ class SecondStation(MissionFault):
 
     def __init__(self, server: MissionServer, rng: Random) -> None:
         super().__init__(server, rng)
-        self._plan = foreign_plan(rng)
+        self._plan = foreign_plan(rng, server.mission_type)
         self._stops_at = rng.choice((len(self._plan), rng.randrange(len(self._plan))))
         self._tries = 4
         self._outbox: list[Message] = []
@@ -129,10 +145,13 @@ class SecondStation(MissionFault):
 
     def hear(self, message: Message, wall_s: float) -> list[Message]:
         """See base class."""
-        self._starts_after -= 1
-        if self._starts_after == -1:
-            self._announce(wall_s)
+        self._count_down(wall_s)
         return [message]
+
+    def hears_file(self, wall_s: float) -> bool:
+        """See base class."""
+        self._count_down(wall_s)
+        return True
 
     def step(self, wall_s: float) -> None:
         """See base class."""
@@ -143,9 +162,14 @@ class SecondStation(MissionFault):
         for message in outbox:
             self._pass_on(message, wall_s)
 
+    def _count_down(self, wall_s: float) -> None:
+        self._starts_after -= 1
+        if self._starts_after == -1:
+            self._announce(wall_s)
+
     def _announce(self, wall_s: float) -> None:
         self._tries -= 1
-        self._outbox = [mavlink.MAVLink_mission_count_message(1, 1, len(self._plan), 0)]
+        self._outbox = [mavlink.MAVLink_mission_count_message(1, 1, len(self._plan), self.server.mission_type)]
         self._next_s = wall_s + self._ANSWERS_AFTER_S
 
     def _pass_on(self, message: Message, wall_s: float) -> None:
@@ -161,7 +185,8 @@ class SecondStation(MissionFault):
             item = self._plan[reply.seq]
             self._outbox.append(
                 mavlink.MAVLink_mission_item_int_message(
-                    1, 1, reply.seq, item.frame, item.command, 0, 1, *item.params, item.x, item.y, item.z, 0
+                    *(1, 1, reply.seq, item.frame, item.command, 0, 1, *item.params, item.x, item.y, item.z),
+                    self.server.mission_type,
                 )
             )
             self._next_s = wall_s + self._ANSWERS_AFTER_S

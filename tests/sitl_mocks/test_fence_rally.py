@@ -1,5 +1,6 @@
 """Fence and rally points of the two simulated vehicles, row by row as measured on the real ones."""
 
+import numpy as np
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
@@ -162,3 +163,33 @@ def test_polygons_are_watched(either, corners, command, breaks):
     assert upload(either, polygon(either, corners, command), FENCE) == 0
     either.run(1.0)
     assert (either.vehicle.mode is not before) == breaks
+
+
+def test_px4_takes_a_fence_with_home_outside_and_says_so(px4):
+    texts = len(px4.texts())
+    assert upload(px4, polygon(px4), FENCE) == 0
+    assert px4.texts()[texts:] == []
+    assert upload(px4, polygon(px4, [(500, 500), (400, 500), (400, 400), (500, 400)]), FENCE) == 0
+    (text,) = px4.texts()[texts:]
+    assert "home" in text
+    assert len(download(px4, FENCE)) == 4
+
+
+@pytest.mark.parametrize(
+    ("kind", "frame", "lands_at_it"),
+    [("px4", 0, True), ("px4", 3, True), ("px4", 5, False), ("px4", 6, False), ("ardupilot", 0, True)],
+)
+def test_a_return_ends_at_the_nearest_rally_point(make_ground, kind, frame, lands_at_it):
+    """PX4 takes rally points in the frames 5 and 6, too, and then does not return to them."""
+    g = make_ground(kind)
+    far = item(g, 0, 5100, 200.0, 200.0, frame=frame, z=4.0, mission_type=RALLY)
+    near = item(g, 1, 5100, -10.0, -12.0, frame=frame, z=4.0, mission_type=RALLY)
+    assert upload(g, [far, near], RALLY) == 0
+    g.in_air(10.0)
+    vehicle = g.vehicle
+    vehicle.flight.fly_to(np.add(vehicle.home_m, (8.0, 8.0, 10.0)))
+    g.run(12.0)
+    g.command(M.MAV_CMD_NAV_RETURN_TO_LAUNCH)
+    g.run_until(lambda: not vehicle.armed, 200.0)
+    place = vehicle.frame.scene_e7(near.x, near.y, 4.0) if lands_at_it else vehicle.home_m
+    assert vehicle.airframe.position_m[:2] == pytest.approx(place[:2], abs=0.3)

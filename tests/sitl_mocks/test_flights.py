@@ -89,6 +89,19 @@ def test_px4_tells_only_the_last_of_a_run_of_instant_items_and_repeats_it(px4):
     assert forwarded == [(1000, 0), (2000, 100)]
 
 
+def test_px4_forwards_a_change_of_speed_and_a_trigger_distance_to_everybody(px4):
+    mission = px4_mission(px4)[:2]
+    mission += [px4.item(2, 2, 178, (1.0, 3.0, -1.0, 0.0), x=0, y=0, z=0.0), px4.item(3, 2, 206, (5.0, 0.0, 1.0, 0.0))]
+    mission.append(px4.item(4, 6, 16, north=-20.0, east=-20.0, z=12.0))
+    assert px4.upload(mission)[0] == 0
+    px4.run(2.0)
+    px4.arm()
+    px4.set_mode(AUTO, 4)
+    heard = px4.run_until(lambda: px4.vehicle.run.current == 4)
+    forwarded = [(m.command, m.target_component, m.param1) for m in px4.of("COMMAND_LONG", heard)]
+    assert forwarded == [(178, 0, 1.0), (206, 0, 5.0)]
+
+
 def test_ardupilot_misses_a_waypoint_with_a_do_item_right_behind_it(ardupilot):
     start(ardupilot)
     heard = ardupilot.run_until(lambda: not ardupilot.vehicle.armed)

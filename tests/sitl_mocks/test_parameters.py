@@ -50,6 +50,20 @@ def test_px4_takes_integers_bytewise_and_refuses_the_wrong_type(px4):
     assert px4.vehicle.parameters["NAV_DLL_ACT"] == 3.0
 
 
+def test_px4_clamps_a_speed_of_the_auto_modes_to_the_maximum_with_a_warning(px4):
+    """So whoever raises both writes the maximum first."""
+
+    def write(name, value):
+        px4.send(M.MAVLink_param_set_message(1, 1, name.encode(), value, M.MAV_PARAM_TYPE_REAL32))
+        return px4.vehicle.parameters["MPC_Z_V_AUTO_UP"]
+
+    assert write("MPC_Z_V_AUTO_UP", 8.0) == 5.0
+    assert any("MPC_Z_V_AUTO_UP" in text for text in px4.texts())
+    write("MPC_Z_VEL_MAX_UP", 8.0)
+    assert write("MPC_Z_V_AUTO_UP", 8.0) == 8.0
+    assert write("MPC_Z_VEL_MAX_UP", 6.0) == 6.0
+
+
 def test_the_list_is_complete_and_numbered(either):
     either.send(M.MAVLink_param_request_list_message(1, 1))
     values = either.of("PARAM_VALUE", either.run(1.0))

@@ -1,6 +1,7 @@
 """The mission protocol of the PX4-like vehicle, row by row as measured on the real one."""
 
 import math
+import struct
 
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
@@ -44,7 +45,7 @@ def test_what_changes_in_an_item(px4):
     assert back[2].param4 == 90.0
     assert math.isnan(back[3].param4)
     assert back[4].param1 == 0.0
-    assert (back[5].param1, back[5].param2, back[5].param3) == (5.0, 0.0, 1.0)
+    assert (back[5].param1, back[5].param2, back[5].param3) == (5.0, 7.0, 1.0)
     assert back[6].x == 1
     assert [i.current for i in back] == [1, 0, 0, 0, 0, 0, 0]
     assert [(a.x, a.y, a.z) for a in sent] == [(b.x, b.y, b.z) for b in back]
@@ -228,6 +229,48 @@ def test_accepted_does_not_mean_flyable(px4):
     assert px4.of("MISSION_CURRENT", px4.run(3.0))[-1].mission_state == 1
     assert px4.upload([px4.item(0, 6, 16, north=12_000.0, current=1)])[0] == 0
     assert px4.of("MISSION_CURRENT", px4.run(3.0))[-1].mission_state == 1
+
+
+@pytest.mark.parametrize(
+    ("command", "event", "arguments"),
+    [(112, 0x0185E823, (3, 112)), (114, 0x0185E823, (3, 114)), (22, 0x01FE4222, ())],
+)
+def test_what_is_taken_and_cannot_be_flown_is_told_by_an_event_to_everybody(px4, command, event, arguments):
+    companion = px4.second()
+    frame, x, y = (6, 313_622_000, 1_216_155_000) if command == 22 else (2, 0, 0)
+    item = px4.item(2, frame, command, (3.0, 0.0, 0.0, 0.0), x=x, y=y)
+    assert px4.upload([*simple_mission(px4)[:2], item])[0] == 0
+    for side in (px4, companion):
+        ((number, levels, rest),) = events(side)
+        assert number == event
+        assert struct.unpack("<2H", rest[:4]) == (arguments or (0, 0))
+        assert levels == (0x43 if arguments else 0x63)
+    assert px4.of("MISSION_CURRENT", px4.run(3.0))[-1].mission_state == 1
+
+
+def test_a_refused_item_is_told_by_an_event_to_everybody_and_by_a_text_to_stations(px4):
+    companion = px4.second()
+    assert (
+        px4.upload([*simple_mission(px4)[:2], px4.item(2, 2, 115, (90.0, 20.0, 1.0, 0.0))])[0]
+        == M.MAV_MISSION_UNSUPPORTED
+    )
+    assert [(number, levels) for number, levels, _ in events(companion)] == [(0x01FEB270, 0x33)]
+    assert "IGN MISSION_ITEM: Invalid item" in px4.texts()
+    assert companion.texts() == []
+
+
+def events(side):
+    """(number, log levels, arguments) of every EVENT that was heard; pymavlink has no such message."""
+    packets = [bytes(m.get_msgbuf()) for m in side.heard if m.get_type() == "UNKNOWN_410"]
+    fields = [struct.unpack("<IIHBBB40s", packet[10:-2].ljust(53, b"\0")) for packet in packets]
+    return [(number, levels, rest) for number, _, _, _, _, levels, rest in fields]
+
+
+def test_the_mission_mode_is_refused_right_after_an_upload(px4):
+    assert px4.upload(simple_mission(px4))[0] == 0
+    assert px4.set_mode(4, 4) == [0, M.MAV_RESULT_TEMPORARILY_REJECTED]
+    px4.run(1.2)
+    assert px4.set_mode(4, 4) == [0, 0]
 
 
 def test_a_new_upload_keeps_the_old_index_unless_an_item_is_marked(px4):

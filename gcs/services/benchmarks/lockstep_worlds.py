@@ -10,12 +10,18 @@ import json
 import subprocess
 import sys
 from collections.abc import Callable, Coroutine, Generator, Iterable, Iterator
+from functools import partial
 from typing import Any, TypeVar
 
 from gcs.core.errors import LinkError
 from gcs.mavlink.dialect import Message
 from gcs.mavlink.framing import FramePacker, FrameParser
+from gcs.mavlink.ftp_fetch import FetchFile
+from gcs.mavlink.ftp_protocol import OnBytes, SequenceNumbers
+from gcs.mavlink.ftp_store import StoreFile
+from gcs.mavlink.ftp_transaction import FtpTransaction
 from gcs.mavlink.transaction import Transaction
+from gcs.mavlink.vehicle_files import MADE_UP_BYTES
 
 T = TypeVar("T")
 R = TypeVar("R")
@@ -83,6 +89,33 @@ class WorldLink:
         outbox, self._outbox = self._outbox, []
         await Order("pass", self._number, self.now_s, outbox)
         return dict(await Order("truth", self._number, read))
+
+
+class WorldFiles:
+    """The files of the vehicle's autopilot in one world; see `FilePeer`.
+
+    Args:
+        link: to the vehicle.
+    """
+
+    target = (1, 1)
+
+    def __init__(self, link: WorldLink) -> None:
+        self._link = link
+        self._numbers = SequenceNumbers(0)
+
+    async def read_made_up(self, path: str) -> bytes:
+        """See `FilePeer`."""
+        fetch = self._exchange(partial(FetchFile, max_bytes=MADE_UP_BYTES, made_up=True), path)
+        return (await self._link.run(fetch)).data
+
+    async def write_to_autopilot(self, path: str, data: bytes, on_bytes: OnBytes | None = None) -> None:
+        """See `FilePeer`."""
+        await self._link.run(self._exchange(partial(StoreFile, data=data, on_progress=on_bytes), path))
+
+    def _exchange(self, make: Callable[..., FtpTransaction[R]], path: str) -> FtpTransaction[R]:
+        link = self._link
+        return make(path, *self.target, link.send, link.clock, sequence=self._numbers, own_system=STATION[0])
 
 
 class LockstepWorlds:

@@ -4,6 +4,9 @@ What the vehicle holds in the end is asked of the simulated vehicle, which share
 a false success when the vehicle did not hold the plan as its last words left it, and a false failure when it holds the
 plan all the same, unless the station says that it does not know and the link is gone indeed. A download is a false
 success when it is not what the vehicle holds, and a false failure when it ends in an error though the link is there.
+
+The matrix is of missions that go item by item. Beside it stands a smaller one, of what else is transferred: fences and
+rally points, and ArduPilot's missions as files, which real ones of some length are.
 """
 
 from __future__ import annotations
@@ -18,9 +21,11 @@ from typing import TYPE_CHECKING, Any
 from gcs.core.errors import GcsError, LinkError, OperationCancelled
 from gcs.core.mission import Mission, MissionItem
 from gcs.core.vehicle import Autopilot
-from gcs.mavlink.mission_proof import MissionPeer, download, upload_and_prove
-from gcs.services.benchmarks.lockstep_worlds import STATION, LockstepWorlds, Order, WorldLink
-from gcs.services.benchmarks.mavlink_missions import random_mission, wire_items
+from gcs.mavlink.mission_ftp import upload_as_file
+from gcs.mavlink.mission_proof import MissionPeer, download, upload_and_prove, upload_list_and_prove
+from gcs.mavlink.mission_protocol import MissionType
+from gcs.services.benchmarks.lockstep_worlds import STATION, LockstepWorlds, Order, WorldFiles, WorldLink
+from gcs.services.benchmarks.mavlink_missions import random_list, random_mission, wire_items
 from gcs.services.benchmarks.row import Row
 
 if TYPE_CHECKING:
@@ -31,13 +36,20 @@ if TYPE_CHECKING:
 CASE = "faults"
 LOSSES = (0.0, 0.05, 0.2)
 UPLOADS, DOWNLOADS = 100_000, 10_000
-QUICK_SHARE = 300
+OTHER_LOSSES = (0.0, 0.2)
+OTHER_RUNS = 4
+QUICK_SHARE, QUICK_OTHERS = 300, 8
+"""The quick run has one run in so many of the matrix, and one field in so many beside it."""
 PROCESSES = 2
-ITEMS = 5
+ITEMS, FILE_ITEMS = 5, 8
 NO_FAULT = "none"
 CANCELLED, KILLED = "cancelled", "killed"
 """Faults of the station's own: stopped at some step, cleanly or not, and tried again."""
 FALSE_SUCCESS, FALSE_FAILURE = "false_success", "false_failure"
+
+
+Outcomes = Counter[tuple[str, str, str]]
+"""How often, by what was done, the fault, and what came of it."""
 
 
 @dataclass(frozen=True)
@@ -46,11 +58,13 @@ class Cell:
 
     Attributes:
         fault: its name.
-        upload: whether missions go up, or come down.
+        upload: whether lists go up, or come down.
         autopilot: px4 or ardupilot.
         loss: of packets, each way.
         runs: how many transfers.
         number: of the field, for its seeds.
+        mission_type: which list.
+        as_file: whether it goes as a file, and item by item only if that does not work.
     """
 
     fault: str
@@ -59,6 +73,20 @@ class Cell:
     loss: float
     runs: int
     number: int
+    mission_type: MissionType = MissionType.MISSION
+    as_file: bool = False
+
+    @property
+    def what(self) -> str:
+        """What is done, such as `upload` or `fence.upload`."""
+        of = (
+            "file."
+            if self.as_file
+            else ""
+            if self.mission_type is MissionType.MISSION
+            else f"{self.mission_type.name.lower()}."
+        )
+        return of + ("upload" if self.upload else "download")
 
 
 class _Killed(BaseException):
@@ -71,8 +99,8 @@ def run(quick: bool) -> list[Row]:
     Args:
         quick: some hundred transfers instead of 110,000.
     """
-    counts = Counter[tuple[bool, str, str]]()
-    cells = matrix(QUICK_SHARE if quick else 1)
+    counts = Outcomes()
+    cells = [*matrix(QUICK_SHARE), *beside()[::QUICK_OTHERS]] if quick else [*matrix(), *beside()]
     shares = [cells[k::PROCESSES] for k in range(PROCESSES)]
     with ProcessPoolExecutor(PROCESSES, mp_context=get_context("spawn")) as pool:
         for outcomes in pool.map(run_cells, shares):
@@ -82,11 +110,9 @@ def run(quick: bool) -> list[Row]:
 
 def matrix(share: int = 1) -> list[Cell]:
     """All fields, with so many runs each that they make up the wanted totals, divided by `share`."""
-    with LockstepWorlds() as worlds:
-        (faults,) = worlds.answers([["faults"]])
     kinds = [
         (fault, upload, autopilot, loss)
-        for fault in (NO_FAULT, *faults, CANCELLED, KILLED)
+        for fault in _faults()
         for upload in (True, False)
         for autopilot in (Autopilot.PX4, Autopilot.ARDUPILOT)
         for loss in LOSSES
@@ -98,17 +124,34 @@ def matrix(share: int = 1) -> list[Cell]:
     ]
 
 
-def run_cells(cells: list[Cell]) -> Counter[tuple[bool, str, str]]:
-    """Outcomes of the transfers of some fields, counted by direction, fault and outcome."""
+def beside() -> list[Cell]:
+    """The fields beside the matrix: uploads of the other lists, and of missions as files."""
+    kinds = [(Autopilot.ARDUPILOT, MissionType.MISSION)]
+    kinds += [(a, t) for a in (Autopilot.PX4, Autopilot.ARDUPILOT) for t in (MissionType.FENCE, MissionType.RALLY)]
+    every = [(fault, *kind, loss) for fault in _faults() for kind in kinds for loss in OTHER_LOSSES]
+    return [
+        Cell(fault, True, autopilot, loss, OTHER_RUNS, 10_000 + k, of, as_file=of is MissionType.MISSION)
+        for k, (fault, autopilot, of, loss) in enumerate(every)
+    ]
+
+
+def _faults() -> list[str]:
+    with LockstepWorlds() as worlds:
+        (faults,) = worlds.answers([["faults"]])
+    return [NO_FAULT, *faults, CANCELLED, KILLED]
+
+
+def run_cells(cells: list[Cell]) -> Outcomes:
+    """Outcomes of the transfers of some fields."""
     numbers = [(cell, cell.number * 1_000_000 + k) for cell in cells for k in range(cell.runs)]
     with LockstepWorlds() as worlds:
         return Counter(worlds.run_all(_transfer(cell, number) for cell, number in numbers))
 
 
-async def _transfer(cell: Cell, number: int) -> tuple[bool, str, str]:
+async def _transfer(cell: Cell, number: int) -> tuple[str, str, str]:
     rng = random.Random(number)
-    plan = random_mission(cell.autopilot, rng, ITEMS)
-    other = random_mission(cell.autopilot, rng, rng.randrange(1, 8))
+    plan = _random_list(cell, rng, FILE_ITEMS if cell.as_file else ITEMS)
+    other = _random_list(cell, rng, rng.randrange(1, 8))
     spec = {
         "autopilot": cell.autopilot.value,
         "faults": [] if cell.fault in {NO_FAULT, CANCELLED, KILLED} else [cell.fault],
@@ -116,21 +159,50 @@ async def _transfer(cell: Cell, number: int) -> tuple[bool, str, str]:
         "loss": cell.loss,
         "plan": wire_items(plan) if cell.upload else [],
         "held": wire_items(other if cell.upload else plan),
+        "mission_type": int(cell.mission_type),
+        "serves_files": cell.as_file,
     }
     await Order("open", number, spec)
     link = WorldLink(number)
     if cell.fault in {CANCELLED, KILLED}:
         _interrupt(link, rng.randrange(1, 16), killed=cell.fault == KILLED)
     peer = MissionPeer(1, 1, cell.autopilot, link.send, link.clock, link.run, own_system=STATION[0])
-    outcome = await (_upload(plan, peer, link) if cell.upload else _download(peer, link))
-    return cell.upload, cell.fault, outcome
+    outcome = await (_upload(plan, cell, peer, link) if cell.upload else _download(cell, peer, link))
+    return cell.what, cell.fault, outcome
 
 
-async def _upload(plan: Mission, peer: MissionPeer, link: WorldLink) -> str:
+def _random_list(cell: Cell, rng: random.Random, count: int) -> Mission:
+    if cell.mission_type is MissionType.MISSION:
+        return random_mission(cell.autopilot, rng, count)
+    return random_list(cell.mission_type, rng, max(count, 3))  # a polygon has three corners
+
+
+async def _put(plan: Mission, cell: Cell, peer: MissionPeer, link: WorldLink) -> None:
+    """Upload as a vehicle's object does."""
+    if cell.as_file and await _went_as_file(plan, peer, link):
+        return
+    if cell.mission_type is MissionType.MISSION:
+        await upload_and_prove(plan, peer)
+    else:
+        await upload_list_and_prove(plan.items, cell.mission_type, peer)
+
+
+async def _went_as_file(plan: Mission, peer: MissionPeer, link: WorldLink) -> bool:
+    files = WorldFiles(link)
+    try:
+        await upload_as_file(plan.items, MissionType.MISSION, files, files.target, peer.autopilot, peer.clock)
+    except OperationCancelled:
+        raise
+    except GcsError:
+        return False  # which is no verdict
+    return True
+
+
+async def _upload(plan: Mission, cell: Cell, peer: MissionPeer, link: WorldLink) -> str:
     error: GcsError | None = None
     for _ in range(2):
         try:
-            await upload_and_prove(plan, peer)
+            await _put(plan, cell, peer, link)
             break
         except (OperationCancelled, _Killed):
             continue
@@ -147,11 +219,11 @@ async def _upload(plan: Mission, peer: MissionPeer, link: WorldLink) -> str:
     return "unknown" if unknown else "refused"
 
 
-async def _download(peer: MissionPeer, link: WorldLink) -> str:
+async def _download(cell: Cell, peer: MissionPeer, link: WorldLink) -> str:
     items: tuple[MissionItem, ...] | None = None
     for _ in range(2):
         try:
-            items = await download(peer)
+            items = await download(peer, mission_type=cell.mission_type)
             break
         except (OperationCancelled, _Killed):
             continue
@@ -177,11 +249,10 @@ def _interrupt(link: WorldLink, after: int, *, killed: bool) -> None:
     link.on_heard = heard
 
 
-def _rows(counts: Counter[tuple[bool, str, str]]) -> Iterator[Row]:
-    uploads = sum(n for (upload, _, _), n in counts.items() if upload)
-    yield Row(CASE, "uploads", float(uploads), "1")
-    yield Row(CASE, "downloads", float(counts.total() - uploads), "1")
+def _rows(counts: Outcomes) -> Iterator[Row]:
+    for what in sorted({what for what, _, _ in counts}, key=lambda what: ("." in what, what != "upload", what)):
+        yield Row(CASE, f"{what}s", float(sum(n for (done, _, _), n in counts.items() if done == what)), "1")
     for wanted in (FALSE_SUCCESS, FALSE_FAILURE):
         yield Row(CASE, wanted, float(sum(n for (_, _, outcome), n in counts.items() if outcome == wanted)), "1")
-    for (upload, fault, outcome), n in sorted(counts.items()):
-        yield Row(CASE, f"{'upload' if upload else 'download'}.{fault}.{outcome}", float(n), "1")
+    for (what, fault, outcome), n in sorted(counts.items()):
+        yield Row(CASE, f"{what}.{fault}.{outcome}", float(n), "1")

@@ -44,7 +44,7 @@ def test_no_false_answers(cells):
     ("fault", "outcome"), [("none", "proved"), ("truncated", "refused"), ("signed-only", "unknown")]
 )
 def test_what_comes_of_a_fault(cells, fault, outcome):
-    assert {key[2] for key in run_cells(few(cells, {fault})) if key[0]} == {outcome}
+    assert {key[2] for key in run_cells(few(cells, {fault})) if key[0] == "upload"} == {outcome}
 
 
 def test_a_station_that_believes_everything_is_found_out(cells, monkeypatch):
@@ -56,7 +56,7 @@ def test_a_station_that_believes_everything_is_found_out(cells, monkeypatch):
 
     monkeypatch.setattr(benchmark, "upload_and_prove", believe)
     outcomes = run_cells(few(cells, {"truncated", "no-space-later"}))
-    assert {key[2] for key in outcomes if key[0]} == {FALSE_SUCCESS}
+    assert {key[2] for key in outcomes if key[0] == "upload"} == {FALSE_SUCCESS}
 
 
 def test_a_station_that_gives_up_too_early_is_found_out(cells, monkeypatch):
@@ -66,16 +66,37 @@ def test_a_station_that_gives_up_too_early_is_found_out(cells, monkeypatch):
 
     monkeypatch.setattr(benchmark, "upload_and_prove", despair)
     outcomes = run_cells(few(cells, {"none", "ack-missing", "doubled"}))
-    assert {key[2] for key in outcomes if key[0]} == {FALSE_FAILURE}
+    assert {key[2] for key in outcomes if key[0] == "upload"} == {FALSE_FAILURE}
 
 
 def test_a_station_that_misreads_is_found_out(cells, monkeypatch):
-    async def misread(peer):
-        return (await download(peer))[:-1]
+    async def misread(peer, mission_type):
+        return (await download(peer, mission_type=mission_type))[:-1]
 
     monkeypatch.setattr(benchmark, "download", misread)
     outcomes = run_cells(few(cells, {"none"}))
-    assert {key[2] for key in outcomes if not key[0]} == {FALSE_SUCCESS}
+    assert {key[2] for key in outcomes if key[0] == "download"} == {FALSE_SUCCESS}
+
+
+def test_fences_rally_points_and_missions_as_files_stand_beside_the_matrix():
+    cells = benchmark.beside()
+    assert 1_500 <= sum(cell.runs for cell in cells) <= 2_500
+    assert {cell.what for cell in cells} == {"file.upload", "fence.upload", "rally.upload"}
+    some = [
+        replace(cell, runs=1) for cell in cells if cell.fault in {"none", "reboot", "changed", "corrupt", "ack-early"}
+    ]
+    outcomes = run_cells(some)
+    assert not {key for key in outcomes if key[2] in FALSE}
+    assert all(outcomes[what, "none", "proved"] > 0 for what in ("file.upload", "fence.upload", "rally.upload"))
+
+
+def test_a_mission_goes_as_a_file_without_the_mission_protocol(monkeypatch):
+    async def nothing(mission, peer):
+        raise AssertionError("item by item")
+
+    monkeypatch.setattr(benchmark, "upload_and_prove", nothing)
+    cells = [replace(cell, runs=1) for cell in benchmark.beside() if cell.fault == "none" and cell.as_file]
+    assert set(run_cells(cells)) == {("file.upload", "none", "proved")}
 
 
 @pytest.mark.parametrize("autopilot", [Autopilot.PX4, Autopilot.ARDUPILOT])
