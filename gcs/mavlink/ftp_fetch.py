@@ -27,6 +27,7 @@ from gcs.mavlink.ftp_protocol import (
 )
 from gcs.mavlink.ftp_requests import RequestsUnderWay
 from gcs.mavlink.ftp_transaction import TRIES, TRIES_FIRST, FtpTransaction
+from gcs.mavlink.partial_file import PartialFile, PartKeeper
 from gcs.mavlink.transaction import Clock, Send
 
 MOST_BYTES = 64 << 20
@@ -60,21 +61,6 @@ class FetchedFile:
     data: bytes
     crc32: int
     confirmed: bool
-
-
-@dataclass(frozen=True)
-class PartialFile:
-    """What a fetch that broke off had.
-
-    Attributes:
-        size: size of the whole file, as announced.
-        data: `size` bytes, zero where they are missing.
-        gaps: missing half-open ranges.
-    """
-
-    size: int
-    data: bytes
-    gaps: tuple[tuple[int, int], ...]
 
 
 class BrokenFetchError(LinkError):
@@ -112,6 +98,7 @@ class FetchFile(FtpTransaction[FetchedFile]):
         own_system: system id of the station.
         max_bytes: a larger file is refused.
         resume: what an earlier fetch of the same file left.
+        keep: is given every piece that comes, besides those of `resume`.
         made_up: the vehicle makes the file up as it is read (ArduPilot's `@...` folders): the size that it announces is
             none, and its checksum may be that of another layout, so the end is looked for and nothing is compared.
         on_progress: told (bytes held, bytes in all).
@@ -136,12 +123,15 @@ class FetchFile(FtpTransaction[FetchedFile]):
         own_system: int | None = None,
         max_bytes: int = MOST_BYTES,
         resume: PartialFile | None = None,
+        keep: PartKeeper | None = None,
         made_up: bool = False,
         on_progress: OnBytes | None = None,
     ) -> None:
         super().__init__(path, target_system, target_component, send, clock, sequence=sequence, own_system=own_system)
         self._max_bytes = max_bytes
         self._resume = resume
+        self._keep = keep
+        self._may_be_stale = False
         self._made_up = made_up
         self._most_tries = TRIES_FIRST if made_up else TRIES
         self._most_reads = _READS_MADE_UP if made_up else _READS
@@ -172,7 +162,7 @@ class FetchFile(FtpTransaction[FetchedFile]):
         """What there is so far; None before the file was opened."""
         if not self._size or self._shrunk:
             return None
-        return PartialFile(self._size, bytes(self._buffer), tuple(self._gaps))
+        return PartialFile(self._size, bytes(self._buffer), tuple(self._gaps), self._may_be_stale)
 
     @property
     def deadline(self) -> float:
@@ -267,8 +257,12 @@ class FetchFile(FtpTransaction[FetchedFile]):
         same_file = size == self._size and not self._shrunk and not self._made_up
         if self._resume is not None and self._resume.size == size:
             self._buffer, self._gaps = bytearray(self._resume.data), ByteGaps(self._resume.gaps)
+            self._may_be_stale = self._resume.may_be_stale
         elif not same_file:
             self._buffer, self._gaps = bytearray(size), ByteGaps([(0, size)])
+            self._may_be_stale = False
+            if self._keep is not None:
+                self._keep.begin(size)
         self._resume = None
         self._size, self._shrunk = size, False
         self._step = FetchStep.READ
@@ -333,6 +327,8 @@ class FetchFile(FtpTransaction[FetchedFile]):
         new = self._gaps.fill(start, end)
         if new:
             self._buffer[start:end] = payload.data[: end - start]
+            if self._keep is not None:
+                self._keep.add(start, payload.data[: end - start])
             self._advanced_at = self._clock()
             if self._on_progress is not None:
                 try:
@@ -391,7 +387,8 @@ class FetchFile(FtpTransaction[FetchedFile]):
     def _on_checksum(self, answer: FtpPayload) -> None:
         data = bytes(self._buffer)
         told = struct.unpack_from("<I", answer.data)[0] if answer.error is None and len(answer.data) >= 4 else None
-        if (told is None and not self._shrunk) or (told is not None and checksum_agrees(data, told)):
+        needs_none = told is None and not self._shrunk and not self._may_be_stale
+        if needs_none or (told is not None and checksum_agrees(data, told)):
             self._done(confirmed=told is not None)
             return
         self._restarts += 1

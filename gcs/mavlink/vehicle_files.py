@@ -4,24 +4,29 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Callable
+from contextlib import suppress
 from functools import partial
 from typing import TypeVar
 
-from gcs.core.errors import RefusedError
+from gcs.core.errors import LinkError, RefusedError
 from gcs.core.progress import Progress
 from gcs.core.vehicle import VehicleIdentity
 from gcs.mavlink.camera_description import CameraDescription
 from gcs.mavlink.ftp_directory import DirectoryListing, ListDirectory
-from gcs.mavlink.ftp_fetch import FetchedFile, FetchFile, PartialFile
+from gcs.mavlink.ftp_fetch import FetchedFile, FetchFile
 from gcs.mavlink.ftp_protocol import OnBytes, SequenceNumbers, path_from_url
 from gcs.mavlink.ftp_store import StoreFile
 from gcs.mavlink.ftp_transaction import FtpTransaction
 from gcs.mavlink.image_transmission import RequestImage, TransmittedImage
+from gcs.mavlink.partial_file import PartialFile, PartKeeper
 from gcs.mavlink.vehicle_channel import VehicleChannel
 from gcs.mavlink.vehicle_state import VehicleState
 
 R = TypeVar("R")
 
+CAMERA_S = 5.0
+"""A camera tells of itself every second. One that was not heard for so long after its vehicle was is taken for none,
+and the autopilot is asked for its files; before that it may just be late, as after a restart of the station."""
 MADE_UP_BYTES = 1 << 20
 """Most bytes of a file that the vehicle makes up as it is read."""
 
@@ -33,6 +38,7 @@ class VehicleFiles(VehicleState):
         super().__init__(identity, channel, lost_after_s=lost_after_s)
         self._file_numbers: dict[int, SequenceNumbers] = {}
         self._file_lock = asyncio.Lock()
+        self._camera_due_s = self._now() + CAMERA_S
 
     @property
     def camera(self) -> CameraDescription:
@@ -50,6 +56,7 @@ class VehicleFiles(VehicleState):
         *,
         component: int | None = None,
         resume: PartialFile | None = None,
+        keep: PartKeeper | None = None,
     ) -> FetchedFile:
         """Read a file of its camera, or of another component; one at a time, others wait.
 
@@ -57,12 +64,13 @@ class VehicleFiles(VehicleState):
             path: of the file, or its `mftp:` address as an ImageReport has it.
             progress: told under the path's name.
             component: that serves it; by default the one that the address names, else the camera, else the autopilot.
-            resume: what an earlier try left (`partial` of its BrokenFetchError).
+            resume: what an earlier try left (`partial` of its BrokenFetchError, or what its `keep` has).
+            keep: is given every piece that comes, besides those of `resume`.
 
         Raises:
             BrokenFetchError: the link broke; it has what came.
         """
-        fetch = partial(FetchFile, resume=resume, on_progress=_telling(progress, path))
+        fetch = partial(FetchFile, resume=resume, keep=keep, on_progress=_telling(progress, path))
         return await self._exchange_files(fetch, path, component)
 
     async def request_picture(self, progress: Progress | None = None) -> TransmittedImage:
@@ -98,9 +106,9 @@ class VehicleFiles(VehicleState):
 
     async def _exchange_files(self, make: Callable[..., FtpTransaction[R]], path: str, component: int | None) -> R:
         """Run an exchange with the server that has a file: a component of its own, or the one that is most likely."""
+        bare, named = path_from_url(path)
+        server = component or named or await self._usual_file_server()
         async with self._file_lock:
-            bare, named = path_from_url(path)
-            server = component or named or self.camera_component or self.identity.component_id
             exchange = make(
                 bare,
                 self.identity.system_id,
@@ -111,6 +119,14 @@ class VehicleFiles(VehicleState):
                 own_system=self._channel.sender[0],
             )
             return await self._named(self._channel.run(exchange))
+
+    async def _usual_file_server(self) -> int:
+        """Its camera, which may be heard later than the autopilot, else the autopilot."""
+        patience_s = self._camera_due_s - self._now()
+        if self.camera_component is None and patience_s > 0:
+            with suppress(LinkError):
+                await self.until(lambda: self.camera_component is not None, patience_s, "its camera")
+        return self.camera_component or self.identity.component_id
 
 
 def _telling(progress: Progress | None, stage: str) -> OnBytes | None:

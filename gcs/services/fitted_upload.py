@@ -6,7 +6,7 @@ from dataclasses import asdict
 from typing import TYPE_CHECKING
 
 from gcs.core.errors import RefusedError
-from gcs.mavlink.mission_upload import NoRoomError
+from gcs.mavlink.mission_upload import UNKNOWN, NoRoomError
 from gcs.services.preflight import check_prediction
 
 if TYPE_CHECKING:
@@ -17,6 +17,9 @@ if TYPE_CHECKING:
     from gcs.mavlink.vehicle import Vehicle
     from gcs.services.flight_recorder import FlightRecorder
     from gcs.services.mission_fitting import FittedMission
+
+STOPPED_UPLOAD = f"the upload was cancelled; {UNKNOWN}"
+"""What is true, and what the operator is told, whenever an upload was stopped before its proof."""
 
 _COARSER_TRIES = 3
 

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from gcs.services.flight_types import LeaseView
     from gcs.services.live_feed import LiveFeed
     from gcs.storage.database import Database
+    from gcs.storage.image_parts import ImagePart
     from gcs.storage.image_store import ImageStore, StoredImage
     from gcs.storage.records import FlightEventRecord, FlightRecord
 
@@ -160,6 +161,14 @@ class FlightRecorder:
             stored_at=utc_now(),
             problem=None,
         )
+
+    def image_part(self, image: ImageRecord) -> ImagePart:
+        """Where the pieces of a picture are kept until it is whole."""
+        return self._store.part(image)
+
+    def remove_image_parts(self) -> None:
+        """Remove the pieces of pictures that were not brought whole by the end of their flight."""
+        self._store.remove_parts(but_of={flight.id for flight in self.database.flights.open_flights()})
 
     def image_data(self, image: ImageRecord) -> bytes:
         """The file of a stored picture."""

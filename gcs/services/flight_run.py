@@ -259,6 +259,7 @@ class FlightRun:
             recorder.enter(FlightState.ABORTED, self.cut_short)
         else:
             recorder.enter(FlightState.INCOMPLETE, f"{account.received} of {account.expected} images are here")
+        recorder.remove_image_parts()
         self.over.set()
 
 

@@ -12,33 +12,28 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from gcs.core.clock import new_id, utc_now
-from gcs.core.errors import ConflictError, GcsError, LinkError, RefusedError
-from gcs.mavlink.canonical_form import compare
+from gcs.core.errors import ConflictError, GcsError, LinkError
 from gcs.mavlink.events import ListChangedEvent, VehicleFoundEvent
 from gcs.services.changed_lists import note_changed_list
-from gcs.services.fence_rally import upload_lists
-from gcs.services.fitted_upload import remember_sampling, upload_fitted
 from gcs.services.flight_checks import FlightChecks
 from gcs.services.flight_log import FlightLogs
 from gcs.services.flight_observers import FlightObservers
 from gcs.services.flight_recorder import ERROR, NOTICE, FlightRecorder
 from gcs.services.flight_run import IN_THE_AIR, FlightRun
-from gcs.services.flight_types import OnVehicleMission, PreflightReport, allowed_actions
+from gcs.services.flight_transfers import FlightTransfers
+from gcs.services.flight_types import allowed_actions
 from gcs.services.led_flights import LedFlights
-from gcs.services.mission_fitting import USUAL_SAMPLING, sampled_mission, sampling_of
 from gcs.services.operator_commands import OneAtATime, require_confirmation
 from gcs.services.resumed_plan import plan_from_here
-from gcs.storage.records import FlightPath, FlightRecord, FlightState, UploadState
+from gcs.storage.records import FlightPath, FlightRecord, FlightState
 
 if TYPE_CHECKING:
     from collections.abc import Coroutine
 
-    from gcs.core.mission import Mission
     from gcs.core.plan import Plan
     from gcs.mavlink.vehicle import Vehicle
-    from gcs.services.flight_types import LeaseView
+    from gcs.services.flight_types import LeaseView, OnVehicleMission, PreflightReport
     from gcs.services.live_feed import LiveFeed
-    from gcs.services.mission_fitting import FittedMission
     from gcs.services.plan_service import PlanService
     from gcs.services.vehicle_service import VehicleService
     from gcs.storage.database import Database
@@ -81,9 +76,9 @@ class FlightControlService:
         self._runs: dict[str, FlightRun] = {}
         self._busy: set[str] = set()
         self._tasks: set[asyncio.Task[None]] = set()
-        self._uploads: dict[str, asyncio.Task[None]] = {}
         self._failures: dict[str, GcsError] = {}
         self._observers = FlightObservers(vehicles)
+        self._transfers = FlightTransfers(database, plans, vehicles, self._recorder, self._checks, self._spawn)
         self._led = LedFlights(database, self._spawn, self._not_begun)
 
     # ---- opening and closing the station ----
@@ -91,7 +86,9 @@ class FlightControlService:
     async def open(self) -> None:
         """Follow the flights that are still open, as soon as their vehicles are heard; command nothing."""
         self._database.flights.mark_uploads_interrupted()
-        for flight in self._database.flights.open_flights():
+        flights = self._database.flights.open_flights()
+        self._store.remove_parts(but_of={flight.id for flight in flights})
+        for flight in flights:
             recorder = self._recorder(flight.id)
             if flight.state is FlightState.UPLOADING or flight.state in IN_THE_AIR:
                 recorder.log("station", "the station was started again during this flight", severity=NOTICE)
@@ -127,7 +124,7 @@ class FlightControlService:
                 continue
             try:
                 if flight.state is FlightState.UPLOADING:
-                    await self._settle_upload(flight)
+                    await self._transfers.settle(flight)
                 elif flight.state in IN_THE_AIR:
                     run = self._follow(flight, vehicle, airborne=True)
                     run.show_mode()
@@ -139,16 +136,6 @@ class FlightControlService:
                         self._led.rejoin(run, flight.plan_hash)
             except GcsError as error:
                 self._recorder(flight.id).log("station", str(error), severity=ERROR)
-
-    async def _settle_upload(self, flight: FlightRecord) -> None:
-        recorder = self._recorder(flight.id)
-        held = await self.read_back(flight.id)
-        if held.equal:
-            recorder.change(proved=True)
-            recorder.enter(FlightState.UPLOADED, "the vehicle holds the whole mission, read back after the restart")
-        else:
-            why = "; ".join(held.differences[:3]) or held.problem or "it is another one"
-            recorder.enter(FlightState.UPLOAD_FAILED, f"the vehicle does not hold the plan's mission: {why}")
 
     # ---- what operators ask ----
 
@@ -197,7 +184,8 @@ class FlightControlService:
     async def preflight(self, flight_id: str) -> PreflightReport:
         """Read the vehicle's limits, failsafes and references, and compare them with the plan."""
         flight, vehicle, plan = self._loaded(flight_id)
-        return await self._checks(flight, plan).report(vehicle, flight.accepted_failsafes)
+        with self._transfers.reading(flight_id):
+            return await self._checks(flight, plan).report(vehicle, flight.accepted_failsafes)
 
     async def upload(self, flight_id: str, *, confirm: str | None, accept: tuple[str, ...]) -> FlightRecord:
         """Check, then begin to put the mission on the vehicle and prove it."""
@@ -207,46 +195,22 @@ class FlightControlService:
             require_confirmation(vehicle, confirm)
         recorder = self._recorder(flight_id)
         async with OneAtATime(self._busy, flight_id):
-            accepted = self._accept(recorder, flight, accept)
-            checks = self._checks(flight, plan)
-            fitted = await checks.fitted(vehicle)
-            (await checks.before_upload(vehicle, fitted, accepted)).demand()
-            recorder.change(proved=False)
-            recorder.enter(FlightState.UPLOADING, f"sending the mission, {fitted.sampling.words}")
-        self._uploads[flight_id] = self._spawn(self._upload(recorder, vehicle, plan, fitted))
+            await self._transfers.upload(flight, vehicle, plan, self._accept(recorder, flight, accept))
         return recorder.flight
 
     async def on_vehicle(self, flight_id: str) -> OnVehicleMission:
         """What the last upload proved; asks the vehicle nothing."""
-        flight = self._database.flights.get(flight_id)
-        upload = self._database.flights.latest_upload(flight_id)
-        return OnVehicleMission.last_proved(
-            flight, upload, {} if upload is None else self._mission(flight).viewpoint_items
-        )
+        return self._transfers.last_proved(flight_id)
 
     async def read_back(self, flight_id: str) -> OnVehicleMission:
         """Read the vehicle's mission now and compare it with the plan's."""
-        flight, vehicle, _ = self._loaded(flight_id)
-        mission = self._mission(flight)
-        items = await vehicle.download_mission()
-        comparison = compare(mission.items, items, vehicle.identity.autopilot)
-        recorder = self._recorder(flight_id)
-        text = "equals the plan's mission" if comparison.equal else f"is not the plan's mission: {comparison.summary}"
-        recorder.log("upload", f"read back: what the vehicle holds {text}", severity=NOTICE)
-        upload = self._database.flights.latest_upload(flight_id)
-        if upload is not None and flight.proved != comparison.equal:
-            recorder.change(proved=comparison.equal)
-        return OnVehicleMission(
-            flight_id=flight_id,
-            state="none" if upload is None else upload.state,
-            read_at=utc_now(),
-            how="read back item by item",
-            equal=comparison.equal,
-            differences=comparison.differences,
-            canonical_crc32=comparison.canonical_crc32,
-            items=items,
-            viewpoint_items=mission.viewpoint_items,
-        )
+        return await self._transfers.read_back(flight_id)
+
+    async def cancel_transfer(self, flight_id: str) -> FlightRecord:
+        """Stop what is sent to the vehicle or read from it before a start, and tell the vehicle."""
+        flight = self._database.flights.get(flight_id)
+        await self._transfers.cancel(flight.id)
+        return self._database.flights.get(flight_id)
 
     async def start(
         self, flight_id: str, *, confirm: str, accept: tuple[str, ...], observer: str | None = None
@@ -260,12 +224,13 @@ class FlightControlService:
         async with OneAtATime(self._busy, flight_id):
             accepted = self._accept(recorder, flight, accept)
             checks = self._checks(flight, plan)
-            (await checks.before_start(vehicle, accepted)).demand()
+            with self._transfers.reading(flight_id):
+                report = await checks.before_start(vehicle, accepted)
+            report.demand()
             sighted = observer and await self._observers.checked(observer, flight.vehicle, recorder)
-            await self._demand_mission_held(flight)
+            await self._transfers.demand_held(flight)
             if flight.mode is not FlightPath.MISSION:
-                for entry in await upload_lists(plan, vehicle):
-                    recorder.notice(f"{entry.name}: {entry.how}")
+                await self._transfers.upload_lists(flight_id, vehicle, plan)
             await vehicle.announce_plan(flight.plan_hash)
             run = self._follow(flight, vehicle)
             if observer and sighted:
@@ -299,7 +264,7 @@ class FlightControlService:
         async with OneAtATime(self._busy, flight_id):
             accepted = self._accept(recorder, flight, accept)
             recorder.log("command", f"resume confirmed for {confirm}", severity=NOTICE)
-            await self._demand_mission_held(flight)
+            await self._transfers.demand_held(flight)
             if vehicle.pilot_in_control:
                 vehicle.take_back(confirm)
             run.cut_short = None
@@ -358,22 +323,10 @@ class FlightControlService:
 
     async def wait_for_upload(self, flight_id: str) -> FlightRecord:
         """Wait until an upload has ended; raises what it failed of."""
-        if flight_id in self._uploads:
-            await asyncio.wait({self._uploads[flight_id]})
-        if flight_id in self._failures:
-            raise self._failures[flight_id]
+        await self._transfers.wait(flight_id)
         return self._database.flights.get(flight_id)
 
     # ---- inside ----
-
-    async def _demand_mission_held(self, flight: FlightRecord) -> None:
-        """Where the vehicle flies its mission, read it: only the plan's is started or gone on with."""
-        if flight.mode is FlightPath.MISSION and not (await self.read_back(flight.id)).equal:
-            if flight.state not in IN_THE_AIR:
-                self._recorder(flight.id).enter(FlightState.UPLOAD_FAILED, "its mission changed after the upload")
-            raise RefusedError(
-                "it no longer holds the plan's mission: upload again on the ground", field=flight.vehicle
-            )
 
     async def _cut_short(self, flight_id: str, action: str, state: FlightState) -> FlightRecord:
         flight, vehicle, plan = self._loaded(flight_id)
@@ -391,44 +344,6 @@ class FlightControlService:
             how = "on command, the way it came: its own return would hit the structure from here"
         recorder.enter(state, how)
         return recorder.flight
-
-    async def _upload(self, recorder: FlightRecorder, vehicle: Vehicle, plan: Plan, fitted: FittedMission) -> None:
-        upload = self._database.flights.begin_upload(recorder.flight_id, len(fitted.mission.items))
-        remember_sampling(recorder, fitted)
-        self._failures.pop(recorder.flight_id, None)
-
-        class Told:
-            def report(self, stage: str, fraction: float) -> None:
-                recorder.upload_progress(stage, fraction)
-
-        async def refit(most_items: int) -> FittedMission:
-            coarser = await self._checks(recorder.flight, plan).fitted(vehicle, most_items)
-            remember_sampling(recorder, coarser)
-            return coarser
-
-        try:
-            proof, _ = await upload_fitted(vehicle, fitted, refit, recorder.notice, Told())
-            lists = await upload_lists(plan, vehicle, Told())
-        except (GcsError, asyncio.CancelledError) as error:
-            self._database.flights.end_upload(upload.id, UploadState.FAILED, problem=str(error) or "cancelled")
-            if isinstance(error, GcsError):
-                self._failures[recorder.flight_id] = error
-            recorder.problem(f"upload failed: {error}")
-            recorder.enter(FlightState.UPLOAD_FAILED, str(error) or "cancelled")
-            if isinstance(error, asyncio.CancelledError):
-                raise
-            return
-        how = "; ".join([proof.how, *(f"{entry.name}: {entry.how}" for entry in lists)])
-        self._database.flights.end_upload(
-            upload.id,
-            UploadState.PROVED,
-            items_read=proof.items_read,
-            how=how,
-            canonical_crc32=proof.canonical_crc32,
-            items=proof.items,
-        )
-        recorder.change(proved=True)
-        recorder.enter(FlightState.UPLOADED, f"proved: {how}")
 
     async def _not_begun(self, run: FlightRun, error: GcsError) -> None:
         self._failures[run.recorder.flight_id] = error
@@ -467,10 +382,6 @@ class FlightControlService:
     def _loaded(self, flight_id: str) -> tuple[FlightRecord, Vehicle, Plan]:
         flight = self._database.flights.get(flight_id)
         return flight, self._vehicles.vehicle(flight.vehicle), self._plans.read(flight.plan_id)
-
-    def _mission(self, flight: FlightRecord) -> Mission:
-        autopilot = self._vehicles.vehicle(flight.vehicle).identity.autopilot
-        return sampled_mission(self._plans.read(flight.plan_id), autopilot, sampling_of(flight) or USUAL_SAMPLING)
 
     def _checks(self, flight: FlightRecord, plan: Plan) -> FlightChecks:
         recorder = self._recorder(flight.id)

@@ -131,6 +131,8 @@ def allowed_actions(state: FlightState, mode: FlightPath) -> tuple[str, ...]:
         if mode.by_setpoints:
             return ("start",)
         return ("upload", "start") if state is FlightState.UPLOADED else ("upload",)
+    if state is FlightState.UPLOADING:
+        return ("cancel-transfer",)
     in_the_air: dict[FlightState, tuple[str, ...]] = {
         FlightState.ARMED: ("pause", "return", "land"),
         FlightState.FLYING: ("pause", "return", "land"),
@@ -187,6 +189,17 @@ class FlightService(Protocol):
 
     async def read_back(self, flight_id: str) -> OnVehicleMission:
         """Read the vehicle's mission now and compare it with the plan's."""
+        ...
+
+    async def cancel_transfer(self, flight_id: str) -> FlightRecord:
+        """Stop the upload, read-back or check under way, in whatever step it is, and tell the vehicle.
+
+        Returns:
+            The flight, whose state and log say what is known of what the vehicle holds.
+
+        Raises:
+            ConflictError: none is under way.
+        """
         ...
 
     async def start(

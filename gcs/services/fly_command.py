@@ -11,6 +11,7 @@ from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
 
 from gcs.core.errors import GcsError, IncompleteError, InputError, LinkError, RefusedError
+from gcs.services.fitted_upload import STOPPED_UPLOAD
 from gcs.services.live_feed import EventLogged, FeedEvent, QueueOverflowError
 from gcs.services.remaining_flight import next_flight
 from gcs.services.station import StationServices
@@ -132,7 +133,11 @@ class _Flying:
         say(f"flight {flight.id}")
         if flight.mode is FlightPath.MISSION:
             await flights.upload(flight.id, confirm=None, accept=self._accept)
-            await flights.wait_for_upload(flight.id)
+            try:
+                await flights.wait_for_upload(flight.id)
+            except asyncio.CancelledError:  # the station that ends now tells the vehicle
+                say(STOPPED_UPLOAD)
+                raise
         _show(await flights.preflight(flight.id), say)
         await flights.start(flight.id, confirm=await confirm(name), accept=self._accept, observer=observer)
         try:

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 
 from gcs.core.clock import new_id, utc_now
 from gcs.core.errors import GcsError, LinkError, NotFoundError, StorageError
-from gcs.mavlink.ftp_fetch import BrokenFetchError, PartialFile
+from gcs.mavlink.ftp_fetch import BrokenFetchError
+from gcs.mavlink.partial_file import PartialFile
 from gcs.services.flight_recorder import NOTICE, WARNING
 from gcs.services.image_account import ImageAccounting, scene_position
 from gcs.storage.records import ImageRecord, ImageState
@@ -19,9 +20,11 @@ if TYPE_CHECKING:
     from gcs.mavlink.vehicle import Vehicle
     from gcs.services.flight_recorder import FlightRecorder
     from gcs.services.image_account import ImageAccount
+    from gcs.storage.image_parts import ImagePart
 
 FOLDER = "/DCIM"
 TRIES = 5
+LISTINGS = 3
 RETRY_S = 1.0
 EARLIER = "earlier pictures"
 
@@ -131,7 +134,7 @@ class ImageCollector:
 
     async def _find_unannounced(self) -> None:
         known = {i.vehicle_path: i for i in self._recorder.database.images.of_flight(self._recorder.flight_id)}
-        names = await self._names()
+        names = await self._names_patiently()
         for name in sorted(names - self._earlier()):
             path = f"{FOLDER}/{name}"
             if path in known and known[path].state is ImageState.FAILED:
@@ -152,14 +155,28 @@ class ImageCollector:
 
     async def _fetch(self, image: ImageRecord) -> None:
         self._recorder.change_image(image.id, state=ImageState.FETCHING)
-        name = image.vehicle_path or f"picture {image.index}"
+        part = self._recorder.image_part(image)
+        try:
+            problem = await self._fetch_into(part, image)
+        finally:
+            part.close()
+        if problem:
+            self._recorder.change_image(image.id, state=ImageState.FAILED, problem=problem)
+            name = image.vehicle_path or f"picture {image.index}"
+            self._recorder.log("image", f"{name} not received: {problem}", severity=NOTICE)
+        else:
+            part.remove()
+            await self._accounting.settle_aside()
+
+    async def _fetch_into(self, part: ImagePart, image: ImageRecord) -> str:
+        """Fetch a picture, from where an earlier station left it; returns why that failed, or nothing."""
         problem = ""
-        resume: PartialFile | None = None
+        resume = await asyncio.to_thread(_kept_of, part)
         for attempt in range(TRIES):
             if attempt:
                 await asyncio.sleep(RETRY_S * attempt)
             try:
-                data, crc32, checked = await self._bring(image, resume)
+                data, crc32, checked = await self._bring(image, resume, part)
                 await self._recorder.store_image_aside(image, data, crc32=crc32)
             except StorageError as error:
                 self._recorder.problem(f"pictures cannot be kept, they stay on the vehicle: {error}")
@@ -167,20 +184,24 @@ class ImageCollector:
                 break
             except GcsError as error:
                 problem = str(error)
-                resume = error.partial if isinstance(error, BrokenFetchError) else None
+                if not isinstance(error, LinkError):
+                    resume = None
+                elif isinstance(error, BrokenFetchError) and error.partial is not None:
+                    resume = error.partial
                 if not isinstance(error, LinkError) and attempt >= 1:
                     break
             else:
+                name = image.vehicle_path or f"picture {image.index}"
                 self._recorder.log("image", f"{name} received, {len(data)} bytes, {checked}")
-                await self._accounting.settle_aside()
-                return
-        self._recorder.change_image(image.id, state=ImageState.FAILED, problem=problem)
-        self._recorder.log("image", f"{name} not received: {problem}", severity=NOTICE)
+                return ""
+        return problem
 
-    async def _bring(self, image: ImageRecord, resume: PartialFile | None) -> tuple[bytes, int | None, str]:
+    async def _bring(
+        self, image: ImageRecord, resume: PartialFile | None, part: ImagePart
+    ) -> tuple[bytes, int | None, str]:
         """A picture's bytes, their CRC-32 where the vehicle can tell it, and how they were checked, in words."""
         if image.vehicle_path is not None:
-            file = await self._vehicle.fetch_file(image.vehicle_path, resume=resume)
+            file = await self._vehicle.fetch_file(image.vehicle_path, resume=resume, keep=part)
             confirmed = "CRC-32 agrees" if file.confirmed else "the vehicle offers no CRC-32 to compare"
             return file.data, file.crc32, confirmed
         if image.index != self._newest:
@@ -189,6 +210,17 @@ class ImageCollector:
         if image.index != self._newest:
             raise NotFoundError("the camera has taken another picture meanwhile")
         return picture.data, None, "sent by the camera packet by packet, without a checksum"
+
+    async def _names_patiently(self) -> set[str]:
+        """As `_names`; a link that is away for a while must not make pictures count as missing."""
+        for attempt in range(1, LISTINGS):
+            try:
+                return await self._names()
+            except LinkError:
+                if not self._serves_files:
+                    raise
+                await asyncio.sleep(RETRY_S * attempt)
+        return await self._names()
 
     async def _names(self) -> set[str]:
         listing = await self._vehicle.list_files(FOLDER)
@@ -199,6 +231,12 @@ class ImageCollector:
             if event.kind == "image" and event.text.startswith(EARLIER):
                 return set(event.data["names"])
         return set()
+
+
+def _kept_of(part: ImagePart) -> PartialFile | None:
+    """What an earlier station kept of a picture."""
+    kept = part.load()
+    return None if kept is None else PartialFile.of_pieces(*kept)
 
 
 def _plain_path(file: str | None) -> str | None:

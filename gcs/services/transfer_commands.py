@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import math
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
@@ -11,7 +12,7 @@ from gcs.core.frames import GeoPoint
 from gcs.core.mission import Mission
 from gcs.planning.scene.point_distance import SceneDistance
 from gcs.services.fence_rally import check_lists, upload_lists
-from gcs.services.fitted_upload import upload_fitted
+from gcs.services.fitted_upload import STOPPED_UPLOAD, upload_fitted
 from gcs.services.mission_files import mission_planner_waypoints
 from gcs.services.mission_fitting import fit_mission
 from gcs.services.opened_link import opened_link
@@ -48,6 +49,7 @@ async def upload_plan(out: Path, url: str, say: Callable[[str], None], data_dir:
         LinkError: nobody answers, or the link was lost; what the vehicle holds is then not known.
         RefusedError: the plan is beyond the vehicle's limits, its predicted flight leaves the clearance, or the vehicle
             refused.
+        CancelledError: the operator interrupted it; the vehicle was told, and the operator what is unknown now.
     """
     plan = read_plan(out)
     async with opened_link(url, data_dir, VEHICLE_TIMEOUT_S) as link:
@@ -69,8 +71,12 @@ async def upload_plan(out: Path, url: str, say: Callable[[str], None], data_dir:
         async def refit(most_items: int) -> FittedMission:
             return fit_mission(plan, scene, autopilot, model, most_items)
 
-        proof, _ = await upload_fitted(vehicle, fitted, refit, say)
-        lists = await upload_lists(plan, vehicle)
+        try:
+            proof, _ = await upload_fitted(vehicle, fitted, refit, say)
+            lists = await upload_lists(plan, vehicle)
+        except asyncio.CancelledError:  # the vehicle was told
+            say(STOPPED_UPLOAD)
+            raise
         return {
             "vehicle": vehicle.identity.name,
             "proved": True,

@@ -10,8 +10,10 @@ from typing import TYPE_CHECKING
 from gcs.core.errors import IncompleteError, NotFoundError
 from gcs.storage.atomic_files import write_file
 from gcs.storage.errors import storage_error
+from gcs.storage.image_parts import SUFFIX, ImagePart
 
 if TYPE_CHECKING:
+    from collections.abc import Collection
     from pathlib import Path
 
     from gcs.storage.records import ImageRecord
@@ -79,6 +81,16 @@ class ImageStore:
         if not path.is_file():
             raise NotFoundError("the file of this picture is gone", field=str(path))
         return path
+
+    def part(self, image: ImageRecord) -> ImagePart:
+        """Where the pieces of a picture are kept until it is whole."""
+        return ImagePart(self._folder(image.flight_id) / checked_name(image.id + SUFFIX))
+
+    def remove_parts(self, but_of: Collection[str]) -> None:
+        """Remove what was kept of pictures that are not whole, except those of some flights."""
+        for path in self._directory.glob(f"*/*{SUFFIX}"):
+            if path.parent.name not in but_of:
+                ImagePart(path).remove()
 
     def is_whole(self, image: ImageRecord) -> bool:
         """Whether the file on the disk has the size and CRC-32 of the record."""

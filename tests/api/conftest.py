@@ -174,6 +174,9 @@ class FakeFlights:
     async def upload(self, flight_id, *, confirm, accept):
         return self._do(flight_id, FlightState.UPLOADING, "upload", accept)
 
+    async def cancel_transfer(self, flight_id):
+        return self._do(flight_id, FlightState.UPLOAD_FAILED, "cancel-transfer")
+
     async def start(self, flight_id, *, confirm, accept, observer=None):
         return self._do(flight_id, FlightState.FLYING, "start", confirm, accept)
 

@@ -67,7 +67,7 @@ def test_a_command_that_confirms_another_vehicle_is_refused(client, flight, serv
 
 
 def test_no_get_commands_anything(client, flight, services):
-    for action in ("upload", "start", "pause", "resume", "return", "land", "read-back"):
+    for action in ("upload", "cancel-transfer", "start", "pause", "resume", "return", "land", "read-back"):
         assert client.get(f"/api/flights/{flight['id']}/{action}").status_code in {404, 405}
     assert services.flights.asked == ["open"]
 

@@ -35,6 +35,8 @@ from gcs.mavlink.ftp_protocol import (
     parse_listing,
     path_from_url,
 )
+from gcs.mavlink.partial_file import PartialFile
+from gcs.storage.image_parts import ImagePart
 
 RECORDS = Path(__file__).resolve().parents[2] / "../shared/records"
 
@@ -352,11 +354,60 @@ def test_link_gone_keeps_what_came_and_goes_on_later(serve):
 
 
 def test_resuming_another_files_leftovers_ends_in_the_right_file(serve):
-    from gcs.mavlink.ftp_fetch import PartialFile
-
     rig = serve()
     stale = PartialFile(60_001, bytes(60_001), ((0, 1000),))
     assert fetch(rig, resume=stale).data == CONTENT
+
+
+def left_behind(rig, path, until_s):
+    """What is on the disk of a station that was killed in mid-fetch."""
+    part = ImagePart(path)
+    fetching = FetchFile(PATH, 1, 1, rig.send, rig.clock, keep=part)
+    rig.at.append((until_s, lambda: setattr(rig.down.faults, "loss", 1.0)))
+    killed = path.with_suffix(".killed")
+    rig.at.append((until_s, lambda: killed.write_bytes(path.read_bytes())))
+    rig.drive(fetching)
+    part.close()
+    killed.replace(path)
+    rig.down.faults.loss = 0.0
+    rig.pass_time(1.0)
+
+
+def gone_on_with(rig, path):
+    part = ImagePart(path)
+    got = fetch(rig, resume=PartialFile.of_pieces(*part.load()), keep=part)
+    part.close()
+    size, pieces = ImagePart(path).load()
+    whole = PartialFile.of_pieces(size, pieces)
+    assert (whole.data, whole.gaps) == (got.data, ()), "what is kept is what was fetched"
+    return got
+
+
+@pytest.mark.parametrize(("loss", "until_s"), [(0.0, 100.7), (0.1, 101.2)])
+def test_a_station_that_was_killed_goes_on_where_it_stopped(serve, tmp_path, loss, until_s):
+    rig = serve(loss=loss)
+    path = tmp_path / "image-1.part"
+    left_behind(rig, path, until_s)
+    kept = sum(len(data) for _, data in ImagePart(path).load()[1])
+    assert 0.2 * len(CONTENT) < kept < 0.9 * len(CONTENT)
+    before = rig.down.sent
+    got = gone_on_with(rig, path)
+    assert got.data == CONTENT
+    assert got.confirmed
+    assert rig.down.sent - before < (len(CONTENT) - kept) / 239 * (1 + 3 * loss) + 20
+
+
+@pytest.mark.parametrize("has_crc", [True, False])
+@pytest.mark.parametrize("size", [60_001, 59_999, 70_000])
+def test_parts_of_another_file_of_that_name_are_not_mixed_in(serve, tmp_path, size, has_crc):
+    rig = serve(random.Random(9).randbytes(size))
+    path = tmp_path / "image-1.part"
+    left_behind(rig, path, until_s=100.7)
+    rig.vehicle.files[PATH] = CONTENT
+    rig.vehicle.has_crc = has_crc
+    got = gone_on_with(rig, path)
+    assert got.data == CONTENT
+    assert got.confirmed == has_crc
 
 
 def test_missing_file(serve):

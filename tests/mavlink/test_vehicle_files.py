@@ -10,13 +10,14 @@ from concurrent.futures import Future
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from gcs.core.errors import IncompleteError, InputError, NotFoundError, OperationCancelled, RefusedError
+from gcs.core.errors import GcsError, IncompleteError, InputError, NotFoundError, OperationCancelled, RefusedError
 from gcs.core.frames import GeoPoint
 from gcs.core.mission import Mission, MissionItem
 from gcs.core.vehicle import Autopilot, VehicleIdentity
 from gcs.mavlink.events import ListChangedEvent
 from gcs.mavlink.framing import FrameParser
 from gcs.mavlink.mission_protocol import MissionType, check_places
+from gcs.mavlink.stepped_channel import SteppedChannel, SteppedTask
 from gcs.mavlink.vehicle import Vehicle
 from gcs.mavlink.vehicle_channel import VehicleChannel
 from sitl_mocks.ardupilot import ArduPilotVehicle
@@ -195,6 +196,54 @@ async def test_a_camera_that_serves_no_files_sends_its_newest_picture(make_pair,
     assert picture.data == pair.simulated.folder.files["/DCIM/IMG_0002.JPG"]
     pair.simulated.options = VehicleOptions(1, HOME, HOME, _draw)
     assert (await pair.vehicle.fetch_file("/DCIM/IMG_0001.JPG")).data[:3] == b"\xff\xd8\xff"
+
+
+class SilentCamera:
+    """A vehicle just heard, on fake time, whose autopilot has no files and whose camera speaks at `camera_at_s`."""
+
+    def __init__(self, camera_at_s):
+        self.now, self.asked = 100.0, []
+        self.channel = SteppedChannel((1, 1), (255, 190), self._send, lambda: self.now)
+        self.vehicle = Vehicle(VehicleIdentity(1, 1, Autopilot.PX4, 2), self.channel, lost_after_s=1e9)
+        self._camera_at_s = self.now + camera_at_s
+        self._packers = {c: mavlink.MAVLink(None, srcSystem=1, srcComponent=c) for c in (1, 100)}
+        self._parser = FrameParser()
+        self._task = None
+
+    def _send(self, message):
+        if message.get_type() == "FILE_TRANSFER_PROTOCOL":
+            self.asked.append((self.now, message.target_component))
+
+    def run(self, work, until_s):
+        self._task = SteppedTask(work)
+        for tick in range(int(until_s / 0.1)):
+            self.now += 0.1
+            if tick % 10 == 0:
+                self._hear(1, mavlink.MAV_TYPE_QUADROTOR)
+                if self.now >= self._camera_at_s:
+                    self._hear(100, mavlink.MAV_TYPE_CAMERA)
+            self._task.on_time()
+
+    def _hear(self, component, kind):
+        heartbeat = mavlink.MAVLink_heartbeat_message(kind, 12, 0, 0, 4, 3)
+        for message in self._parser.feed(bytes(heartbeat.pack(self._packers[component]))):
+            self.vehicle.handle(message, self.now)
+            self._task.handle(message)
+
+
+@pytest.mark.parametrize(("camera_at_s", "server", "from_s"), [(0.5, 100, 1.0), (2.5, 100, 3.0), (1e9, 1, 5.0)])
+@pytest.mark.parametrize("ask", ["list_files", "fetch_file"])
+async def test_a_camera_that_is_heard_later_than_its_vehicle_is_waited_for(camera_at_s, server, from_s, ask):
+    """The station was started again: asked at once, the autopilot would answer that there is no such file."""
+    world = SilentCamera(camera_at_s)
+
+    async def work():
+        with contextlib.suppress(GcsError):
+            await getattr(world.vehicle, ask)("/DCIM/IMG_0001.JPG")
+
+    world.run(work(), until_s=8.0)
+    assert {component for _, component in world.asked} == {server}
+    assert world.asked[0][0] - 100.0 == pytest.approx(from_s, abs=0.25)
 
 
 async def test_a_mission_that_is_changed_behind_our_back_is_told_once(make_pair):

@@ -169,7 +169,7 @@ async def test_a_picture_taken_at_a_viewpoint_shows_that_it_was_reached(followed
     """Nobody listened when the vehicle was there: the station was being started again."""
     run, vehicle = followed
 
-    async def fetch_file(path, resume=None):
+    async def fetch_file(path, resume=None, keep=None):
         return SimpleNamespace(data=path.encode(), crc32=None, confirmed=False)
 
     vehicle.fetch_file = fetch_file

@@ -14,7 +14,8 @@ from PIL import Image
 from gcs.core.errors import LinkError, NotFoundError, StorageError
 from gcs.core.frames import GeoPoint, geodetic_from_enu
 from gcs.core.vehicle import ImageReport
-from gcs.mavlink.ftp_fetch import BrokenFetchError, PartialFile
+from gcs.mavlink.ftp_fetch import BrokenFetchError
+from gcs.mavlink.partial_file import PartialFile
 from gcs.services import image_collector
 from gcs.services.flight_recorder import FlightRecorder
 from gcs.services.image_collector import ImageCollector
@@ -46,7 +47,7 @@ class Camera:
         self.newest = None
         self.during_request = lambda: None
 
-    async def fetch_file(self, path, resume=None):
+    async def fetch_file(self, path, resume=None, keep=None):
         self.fetched.append(path)
         self.resumed.append(resume)
         await asyncio.sleep(0)
@@ -135,7 +136,44 @@ async def test_after_a_break_a_file_is_gone_on_with(collector, recorder, camera)
     camera.faults = [BrokenFetchError("lost", partial), LinkError("lost"), BrokenFetchError("lost", None)]
     collector.take(report(0))
     await collector.finish()
-    assert camera.resumed[:4] == [None, partial, None, None]
+    assert camera.resumed[:4] == [None, partial, partial, partial]
+
+
+def parts(tmp_path):
+    return list((tmp_path / "images").rglob("*.part"))
+
+
+async def test_the_part_that_a_killed_station_left_is_gone_on_with(collector, recorder, camera, tmp_path):
+    whole = jpeg(0)
+    collector.take(report(0))
+    (image,) = recorder.database.images.unfinished(FLIGHT)
+    part = recorder.image_part(image)
+    part.begin(len(whole))
+    part.add(0, whole[:239])
+    part.close()
+    assert len(parts(tmp_path)) == 1
+    await collector.finish()
+    resumed = camera.resumed[0]
+    assert (resumed.size, resumed.gaps, resumed.may_be_stale) == (len(whole), ((239, len(whole)),), True)
+    assert resumed.data[:239] == whole[:239]
+    assert parts(tmp_path) == [], "it is whole now"
+
+
+async def test_a_picture_that_fails_keeps_its_part_until_the_flight_is_over(collector, recorder, camera, tmp_path):
+    async def breaks(path, resume=None, keep=None):
+        keep.begin(700)
+        keep.add(0, bytes(239))
+        raise LinkError("lost")
+
+    camera.fetch_file = breaks
+    collector.take(report(0))
+    await collector._waiting.join()
+    assert len(parts(tmp_path)) == 1
+    recorder.remove_image_parts()
+    assert len(parts(tmp_path)) == 1, "the flight is not over"
+    recorder.enter(FlightState.INCOMPLETE, "the end")
+    recorder.remove_image_parts()
+    assert parts(tmp_path) == []
 
 
 async def test_a_camera_without_files_is_asked_for_each_picture(collector, recorder, camera):
@@ -183,6 +221,20 @@ async def test_pictures_without_names_and_unheard_ones_are_found_in_the_folder_a
     assert account.received == 2, "as many as viewpoints, so the order tells which is which"
 
 
+async def test_a_link_that_is_away_at_the_end_does_not_make_pictures_missing(collector, recorder, camera):
+    await collector.remember_earlier()
+    camera.files.update({"/DCIM/NEW_0.JPG": jpeg(90), "/DCIM/NEW_1.JPG": jpeg(120)})
+    lists, away = camera.list_files, [LinkError("lost")] * 2
+
+    async def list_files(folder):
+        if away:
+            raise away.pop()
+        return await lists(folder)
+
+    camera.list_files = list_files
+    assert (await collector.finish()).complete
+
+
 async def test_a_full_disk_is_said_once_and_nothing_half_written_counts(collector, recorder, camera, monkeypatch):
     def full(*args, **kwargs):
         raise StorageError("no space left on the device", field="images")
@@ -210,7 +262,7 @@ async def test_what_is_here_by_a_deadline_counts(collector, recorder, camera):
     whole = asyncio.Event()
     fetch = camera.fetch_file
 
-    async def slow(path, resume=None):
+    async def slow(path, resume=None, keep=None):
         if path.endswith("1.JPG"):
             await whole.wait()
         return await fetch(path)

@@ -89,6 +89,36 @@ async def test_a_failsafe_that_is_off_is_said(vehicle, box_plan):
     assert any("NAV_DLL_ACT" in line for line in told)
 
 
+@pytest.mark.system
+@pytest.mark.parametrize("kind", ["px4", "ardupilot"])
+async def test_an_interrupted_upload_is_cancelled_on_the_vehicle_and_what_is_unknown_is_said(
+    vehicle, box_plan, monkeypatch, kind
+):
+    """What Ctrl-C does."""
+    url, told, sent = vehicle(kind, "--latency", "0.2"), [], []
+    upload = transfer_commands.upload_fitted
+
+    async def interrupted(of, *arguments):
+        send = of._channel.send
+
+        def seen(message):
+            if not sent:
+                asyncio.get_running_loop().call_later(0.5, command.cancel)
+            sent.append(message)
+            send(message)
+
+        monkeypatch.setattr(of._channel, "send", seen)
+        return await upload(of, *arguments)
+
+    monkeypatch.setattr(transfer_commands, "upload_fitted", interrupted)
+    command = asyncio.ensure_future(upload_plan(box_plan, url, told.append))
+    with pytest.raises(asyncio.CancelledError):
+        await command
+    assert told[-1].startswith("the upload was cancelled; what the vehicle holds now is unknown")
+    if kind == "px4":
+        assert (sent[-1].get_type(), sent[-1].type) == ("MISSION_ACK", 15)
+
+
 @pytest.fixture(scope="module")
 def fenced_plan(tmp_path_factory, box_folder, box_scenario):
     """The box inside a fence, with a rally point."""

@@ -44,6 +44,27 @@ def test_a_picture_that_is_not_what_was_announced_is_not_kept(tmp_path, said):
     assert not any(p.is_file() for p in tmp_path.rglob("*"))
 
 
+def test_parts_lie_beside_the_pictures_and_go_with_their_flight(tmp_path):
+    store = ImageStore(tmp_path)
+    images = [make_image(), make_image(id="image-2"), make_image(id="image-3", flight_id="flight-2")]
+    for image in images:
+        part = store.part(image)
+        part.begin(700)
+        part.close()
+    stored = store.save(images[0], JPEG)
+    folder = tmp_path / "images"
+    assert (folder / "flight-1" / "image-1.part").exists()
+    store.remove_parts(but_of={"flight-2"})
+    left = sorted(p.relative_to(folder).as_posix() for p in folder.rglob("*") if p.is_file())
+    assert left == [f"flight-1/{stored.file_name}", "flight-2/image-3.part"]
+
+
+@pytest.mark.parametrize("name", ["../image-1", "a/b", "..", ""])
+def test_a_part_never_lies_elsewhere(tmp_path, name):
+    with pytest.raises(NotFoundError):
+        ImageStore(tmp_path).part(make_image(id=name))
+
+
 def test_an_empty_picture_is_not_kept(tmp_path):
     with pytest.raises(IncompleteError):
         ImageStore(tmp_path).save(make_image(), b"", size_bytes=0, crc32=0)

@@ -136,6 +136,16 @@ async def upload_flight(services: Services, flight_id: FlightId, request: Upload
     return _info(services, flight_id)
 
 
+@router.post("/{flight_id}/cancel-transfer", operation_id="cancelTransfer")
+async def cancel_transfer(services: Services, flight_id: FlightId) -> FlightInfo:
+    """Stop the upload, read-back or check under way, in whatever step it is, and tell the vehicle.
+
+    After an upload that was cancelled it is not known what the vehicle holds, until it is read back or uploaded again.
+    """
+    await services.flights.cancel_transfer(flight_id)
+    return _info(services, flight_id)
+
+
 @router.post("/{flight_id}/start", operation_id="startFlight")
 async def start_flight(services: Services, flight_id: FlightId, request: StartRequest) -> FlightInfo:
     """Check, arm, take off and fly; the confirmation names the vehicle."""

@@ -83,7 +83,7 @@ class FlightInfo(Sent):
     )
     problems: list[str]
     actions: list[str] = Field(
-        description="What may be asked of it now: upload, start, pause, resume, hold, return, land."
+        description="What may be asked of it now: upload, cancel-transfer, start, pause, resume, return, land."
     )
 
 

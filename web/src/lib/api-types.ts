@@ -50,6 +50,28 @@ export interface paths {
         patch?: never;
         trace?: never;
     };
+    "/api/flights/{flight_id}/cancel-transfer": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        get?: never;
+        put?: never;
+        /**
+         * Cancel Transfer
+         * @description Stop the upload, read-back or check under way, in whatever step it is, and tell the vehicle.
+         *
+         *     After an upload that was cancelled it is not known what the vehicle holds, until it is read back or uploaded again.
+         */
+        post: operations["cancelTransfer"];
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
     "/api/flights/{flight_id}/events": {
         parameters: {
             query?: never;
@@ -1009,7 +1031,7 @@ export interface components {
             accepted_failsafes: string[];
             /**
              * Actions
-             * @description What may be asked of it now: upload, start, pause, resume, hold, return, land.
+             * @description What may be asked of it now: upload, cancel-transfer, start, pause, resume, return, land.
              */
             actions: string[];
             /** Created At */
@@ -1097,7 +1119,7 @@ export interface components {
             accepted_failsafes: string[];
             /**
              * Actions
-             * @description What may be asked of it now: upload, start, pause, resume, hold, return, land.
+             * @description What may be asked of it now: upload, cancel-transfer, start, pause, resume, return, land.
              */
             actions: string[];
             /** Created At */
@@ -2921,6 +2943,37 @@ export interface operations {
                 };
                 content: {
                     "application/json": components["schemas"]["FlightDetail"];
+                };
+            };
+            /** @description What went wrong. */
+            default: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+        };
+    };
+    cancelTransfer: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path: {
+                flight_id: string;
+            };
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["FlightInfo"];
                 };
             };
             /** @description What went wrong. */

@@ -5,7 +5,7 @@ import type { Station } from './station.svelte';
 
 export type FlightMode = FlightInfo['mode'];
 /** What an operator asks of a flight; `start` and `resume` need the vehicle's name. */
-export type Command = 'upload' | 'start' | 'resume' | 'pause' | 'return' | 'land';
+export type Command = 'upload' | 'cancel-transfer' | 'start' | 'resume' | 'pause' | 'return' | 'land';
 
 /** Commands to a flight, one at a time except for those that make it safer, and what came of them. */
 export class FlightActions {

@@ -1,0 +1,1 @@
+"""The commands of `gcs`, by what they are about."""
