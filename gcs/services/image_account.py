@@ -12,9 +12,11 @@ import numpy as np
 
 from gcs.core.errors import InputError, NotFoundError
 from gcs.core.frames import enu_from_geodetic
+from gcs.planning.local.moved_view import moved_viewpoint
 from gcs.planning.views.image_matching import match_images
 from gcs.services.flight_tracker import REACHED_M
 from gcs.services.image_metadata import read_metadata
+from gcs.services.replan_difference import moved_places
 from gcs.storage.records import FlightState, ImageState
 
 if TYPE_CHECKING:
@@ -23,7 +25,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from gcs.core.frames import GeoPoint
-    from gcs.core.plan import Plan
+    from gcs.core.plan import Plan, Viewpoint
     from gcs.services.flight_recorder import FlightRecorder
     from gcs.storage.records import ImageRecord
 
@@ -47,6 +49,7 @@ class ImageAccount:
         unmatched: stored pictures that belong to no viewpoint.
         pictured: ids of the viewpoints that have a stored picture.
         misses_m: viewpoint id -> how far from it its picture was taken, where that is known.
+        at_place: ids of the viewpoints whose picture was taken there, or where a report says that it was instead.
     """
 
     expected: int
@@ -55,6 +58,7 @@ class ImageAccount:
     unmatched: int
     pictured: frozenset[int] = frozenset()
     misses_m: dict[int, float] = field(default_factory=dict)
+    at_place: frozenset[int] = frozenset()
 
     @property
     def complete(self) -> bool:
@@ -80,7 +84,7 @@ class _Told:
 
 
 class ImageAccounting:
-    """Matches the stored pictures of one flight with its viewpoints.
+    """Matches the stored pictures of one flight with its viewpoints, each where its picture was to be taken in the end.
 
     Positions come from the vehicle's announcements, else from the files; headings and, so that pictures from link and
     card can be mixed, the order from the files. What a file says is read once.
@@ -93,17 +97,30 @@ class ImageAccounting:
 
     def settle(self) -> ImageAccount:
         """Match anew, write changed matches down, and count."""
-        return self._write_down(*self._match(self._stored()))
+        viewpoints = self._viewpoints()
+        return self._write_down(viewpoints, *self._match(self._stored(), viewpoints))
 
     async def settle_aside(self) -> ImageAccount:
         """The same without holding up the event loop by reading files and comparing."""
-        return self._write_down(*await asyncio.to_thread(self._match, self._stored()))
+        viewpoints = self._viewpoints()
+        return self._write_down(viewpoints, *await asyncio.to_thread(self._match, self._stored(), viewpoints))
+
+    def _viewpoints(self) -> list[Viewpoint]:
+        """The plan's, with the places that reports tell of those that were moved."""
+        plan = self._plan
+        places = moved_places(self._recorder.database, plan, self._recorder.flight)
+        return [
+            moved_viewpoint(v, np.array(places[v.id]), plan.scenario.camera) if v.id in places else v
+            for v in plan.viewpoints
+        ]
 
     def _stored(self) -> list[ImageRecord]:
         images = self._recorder.database.images.of_flight(self._recorder.flight_id)
         return [i for i in images if i.state is ImageState.STORED]
 
-    def _match(self, stored: list[ImageRecord]) -> tuple[list[ImageRecord], list[int | None], NDArray[np.float64]]:
+    def _match(
+        self, stored: list[ImageRecord], viewpoints: list[Viewpoint]
+    ) -> tuple[list[ImageRecord], list[int | None], NDArray[np.float64]]:
         """The pictures in order, the index of each one's viewpoint, and where they were taken; writes nothing."""
         images = self._in_order(stored)
         positions, headings = np.full((len(images), 3), np.nan), np.full(len(images), np.nan)
@@ -114,29 +131,38 @@ class ImageAccounting:
                 positions[k] = position
             if told.yaw_rad is not None:
                 headings[k] = told.yaw_rad
-        return images, match_images(positions, headings, *_wanted(self._plan)), positions
+        return images, match_images(positions, headings, *_wanted(viewpoints)), positions
 
     def _write_down(
-        self, images: list[ImageRecord], matches: list[int | None], positions: NDArray[np.float64]
+        self,
+        viewpoints: list[Viewpoint],
+        images: list[ImageRecord],
+        matches: list[int | None],
+        positions: NDArray[np.float64],
     ) -> ImageAccount:
-        plan, recorder = self._plan, self._recorder
+        recorder = self._recorder
         misses: dict[int, float] = {}
+        at_place: set[int] = set()
+        planned_m = {v.id: v.position_m for v in self._plan.viewpoints}
         for image, match, place in zip(images, matches, positions, strict=True):
-            viewpoint = None if match is None else plan.viewpoints[match]
+            viewpoint = None if match is None else viewpoints[match]
             viewpoint_id, name = (None, None) if viewpoint is None else (viewpoint.id, viewpoint.name)
             if image.viewpoint_id != viewpoint_id:
                 recorder.change_image(image.id, viewpoint_id=viewpoint_id, viewpoint_name=name)
             if viewpoint is not None and not np.isnan(place).any():
-                misses[viewpoint.id] = float(np.linalg.norm(place - viewpoint.position_m))
+                misses[viewpoint.id] = float(np.linalg.norm(place - planned_m[viewpoint.id]))
+                if np.linalg.norm(place - viewpoint.position_m) <= REACHED_M:
+                    at_place.add(viewpoint.id)
         seen = {m for m in matches if m is not None}
-        missing = tuple(v.name for k, v in enumerate(plan.viewpoints) if k not in seen)
+        missing = tuple(v.name for k, v in enumerate(viewpoints) if k not in seen)
         return ImageAccount(
-            expected=len(plan.viewpoints),
+            expected=len(viewpoints),
             received=len(seen),
             missing=missing,
             unmatched=sum(m is None for m in matches),
-            pictured=frozenset(plan.viewpoints[k].id for k in seen),
+            pictured=frozenset(viewpoints[k].id for k in seen),
             misses_m=misses,
+            at_place=frozenset(at_place),
         )
 
     def _in_order(self, images: list[ImageRecord]) -> list[ImageRecord]:
@@ -157,12 +183,11 @@ class ImageAccounting:
 
 
 def count_pictures_as_visits(account: ImageAccount, plan: Plan, recorder: FlightRecorder) -> None:
-    """A picture that was taken at its viewpoint shows that the vehicle was there, also when nobody listened then."""
+    """A picture that was taken at its place shows that the vehicle was there, also when nobody listened then."""
     known = {v.viewpoint_id for v in recorder.database.flights.visits(recorder.flight_id)}
     for viewpoint in plan.viewpoints:
-        miss = account.misses_m.get(viewpoint.id, math.inf)
-        if viewpoint.id not in known and miss <= REACHED_M:
-            recorder.visit(viewpoint.id, viewpoint.name, miss)
+        if viewpoint.id not in known and viewpoint.id in account.at_place:
+            recorder.visit(viewpoint.id, viewpoint.name, account.misses_m[viewpoint.id])
 
 
 def complete_by_pictures(account: ImageAccount, recorder: FlightRecorder) -> bool:
@@ -177,9 +202,9 @@ def complete_by_pictures(account: ImageAccount, recorder: FlightRecorder) -> boo
     return True
 
 
-def _wanted(plan: Plan) -> tuple[np.ndarray, np.ndarray]:
-    positions = np.array([v.position_m for v in plan.viewpoints]).reshape(-1, 3)
-    headings = [math.nan if abs(v.gimbal_pitch_rad) > STEEP_RAD else v.yaw_rad for v in plan.viewpoints]
+def _wanted(viewpoints: list[Viewpoint]) -> tuple[np.ndarray, np.ndarray]:
+    positions = np.array([v.position_m for v in viewpoints]).reshape(-1, 3)
+    headings = [math.nan if abs(v.gimbal_pitch_rad) > STEEP_RAD else v.yaw_rad for v in viewpoints]
     return positions, np.array(headings)
 
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from gcs.planning.paths.string_pulling import path_length
-from gcs.storage.records import ReplanRecord
+from gcs.storage.records import ReplanRecord, ViewpointFateName
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Sequence
@@ -17,7 +17,8 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from gcs.core.plan import Plan
-    from gcs.storage.records import ViewpointFateName
+    from gcs.storage.database import Database
+    from gcs.storage.records import FlightRecord, ViewpointFateRecord
 
 SAMPLE_S = 0.1
 NEAR_M = 1.0
@@ -119,10 +120,31 @@ def differences(
     return views
 
 
+def differences_of_flight(database: Database, plan: Plan, flight: FlightRecord) -> list[ReplanView]:
+    """The stored reports of a flight as differences from its plan."""
+    records = database.replans.of_flight(flight.id)
+    boots = {record.boot_id for record in records}
+    stored = {(boot, r.number) for boot in boots for r in database.replans.of_boot(records[0].system_id, boot)}
+    return differences(plan, flight.plan_hash, records, lambda boot, number: (boot, number) in stored)
+
+
 def viewpoint_fates(views: Iterable[ReplanView]) -> dict[int, ViewpointFateName]:
     """What became of viewpoints of the plan, as last told; reports of a plan that nobody knows tell nothing of this."""
+    return {viewpoint: change.fate for viewpoint, change in _last_told(views).items()}
+
+
+def moved_places(database: Database, plan: Plan, flight: FlightRecord) -> dict[int, tuple[float, float, float]]:
+    """By viewpoint id from where pictures were taken instead, scene ENU (m), as far as the flight's reports tell."""
+    told = (change.fate for record in database.replans.of_flight(flight.id) for change in record.viewpoints)
+    if ViewpointFateName.MOVED not in told:
+        return {}
+    last = _last_told(differences_of_flight(database, plan, flight))
+    return {v: c.position_m for v, c in last.items() if c.fate is ViewpointFateName.MOVED and c.position_m is not None}
+
+
+def _last_told(views: Iterable[ReplanView]) -> dict[int, ViewpointFateRecord]:
     known = [view.record for view in views if view.chain is not Chain.UNKNOWN]
-    return {change.viewpoint_id: change.fate for record in known for change in record.viewpoints}
+    return {change.viewpoint_id: change for record in known for change in record.viewpoints}
 
 
 def _in_order(records: Sequence[ReplanRecord]) -> list[ReplanRecord]:

@@ -12,7 +12,7 @@ from gcs.core.frames import enu_from_geodetic
 from gcs.mavlink.events import ReplanEvent
 from gcs.services.flight_recorder import NOTICE, WARNING, log_line
 from gcs.services.live_feed import ReplanStored
-from gcs.services.replan_difference import Chain, ReplanView, differences
+from gcs.services.replan_difference import Chain, ReplanView, differences_of_flight
 from gcs.storage.records import ReplanObstacle, ReplanRecord, ViewpointFateName, ViewpointFateRecord
 
 if TYPE_CHECKING:
@@ -135,13 +135,9 @@ def reported_differences(database: Database, plans: PlanService, flight_id: str)
         InputError: the files of its plan were damaged.
     """
     flight = database.flights.get(flight_id)
-    records = database.replans.of_flight(flight_id)
-    if not records:
+    if not database.replans.of_flight(flight_id):
         return []
-    boots = {record.boot_id for record in records}
-    stored = {(boot, r.number) for boot in boots for r in database.replans.of_boot(records[0].system_id, boot)}
-    plan = plans.read(flight.plan_id)
-    return differences(plan, flight.plan_hash, records, lambda boot, number: (boot, number) in stored)
+    return differences_of_flight(database, plans.read(flight.plan_id), flight)
 
 
 def _record(report: ReplanReport, system_id: int, flight_id: str, anchor: GeoPoint) -> ReplanRecord:

@@ -56,6 +56,7 @@ class Departure:
         plan_time_s: time on the trajectory at which it was left.
         obstacle: what was evaded first.
         skipped: viewpoints left out so far.
+        moved: viewpoints photographed from elsewhere so far, and from where.
         places_m: where the vehicle was.
     """
 
@@ -64,6 +65,7 @@ class Departure:
     plan_time_s: float
     obstacle: SeenDisc | None = None
     skipped: list[int] = field(default_factory=list)
+    moved: list[tuple[int, NDArray[np.float64]]] = field(default_factory=list)
     places_m: list[NDArray[np.float64]] = field(default_factory=list)
 
     def grows(self, reason: ReplanReason) -> None:
@@ -85,6 +87,7 @@ class Departure:
             self.obstacle,
             tuple(self.skipped),
             self.plan_time_s,
+            tuple(self.moved),
         )
 
 

@@ -2,7 +2,8 @@
 
 The plan is flown leg by leg, from one stop to the next; a leg rests at both ends. Whatever has to be evaded, the
 vehicle either is on its leg, or on a piece that leads back to it, or away from it: it then comes to rest where there is
-room, and looks for a way back to the leg from there. A stop that cannot be reached is waited for, and then left out.
+room, and looks for a way back to the leg from there. A stop that cannot be reached is waited for; then its picture is
+taken from another place, if there is one, or it is left out.
 """
 
 from __future__ import annotations
@@ -20,6 +21,7 @@ from gcs.planning.local.evasion import evade, standing_room
 from gcs.planning.local.flown_leg import AT_REST_S, JUMP_S, FlownLeg, detoured, slowed
 from gcs.planning.local.hover import hover
 from gcs.planning.local.local_replan import Departure
+from gcs.planning.local.moved_view import way_to_moved_view
 from gcs.planning.local.navigator_options import NavigatorOptions
 from gcs.planning.local.search_budget import SearchBudget
 from gcs.planning.local.space_time import MovingClearance, Predictions
@@ -35,6 +37,7 @@ if TYPE_CHECKING:
     from gcs.planning.local.evasion import Evasion
     from gcs.planning.local.lidar_scan import LidarScan
     from gcs.planning.local.local_replan import LocalReplan
+    from gcs.planning.local.moved_view import MovedViews
     from gcs.planning.local.room import Room
     from gcs.planning.local.surroundings import Scene
     from gcs.planning.trajectories.flight_limits import FlightLimits
@@ -43,7 +46,10 @@ AT_REST_M_S = 1e-3
 """What is slower at a stop counts as rest."""
 
 NEXT_WAIT_S = 5.0
-"""After one stop was left out the next is waited for so long."""
+"""After one stop was left out the next is waited for so long, and so is a place to take its picture from instead."""
+
+MOST_MOVES = 3
+"""So many places, one after the other, are gone for to take the picture of a stop from."""
 
 MOST_AWAY = 3.0
 """A flight is given up, too, when it was off the plan for so many times as long, whatever it did there."""
@@ -66,11 +72,13 @@ class Stop:
         time_s: when the trajectory is there.
         viewpoint: its number in the plan.
         dwell: the vehicle waits there, at rest, until it is told to go on; otherwise it passes.
+        others: places from which its picture can be taken instead; None when it is not to be.
     """
 
     time_s: float
     viewpoint: int
     dwell: bool = True
+    others: MovedViews | None = None
 
 
 class LocalNavigator:
@@ -88,6 +96,7 @@ class LocalNavigator:
     Attributes:
         finished: the vehicle rests at the trajectory's end.
         gave_up: why the flight was given up; the vehicle hovers and still evades.
+        moved_to: from where, shape (3,), the picture of the next stop is taken instead of there; None for there.
 
     Raises:
         InputError: stops out of order or off the trajectory, or a stop at which it moves; it names it.
@@ -117,6 +126,8 @@ class LocalNavigator:
         self._decided_s, self._stuck_s = 0.0, 0.0
         self.finished = False
         self.gave_up: str | None = None
+        self.moved_to: NDArray[np.float64] | None = None
+        self._moves = 0
         self._begin_leg(start_s)
         if place_m is not None:
             curve = hover(np.asarray(place_m, dtype=np.float64))
@@ -142,12 +153,16 @@ class LocalNavigator:
 
     @property
     def arrived(self) -> int | None:
-        """The viewpoint at which the vehicle waits; None elsewhere, and while it has to evade there."""
-        return None if self._waits_at is None or self.away else self._waits_at.viewpoint
+        """The viewpoint for which the vehicle waits; None elsewhere, and while it has to evade there."""
+        return None if self._waits_at is None or self._off_leg else self._waits_at.viewpoint
 
     @property
     def away(self) -> bool:
         """Whether the vehicle is off the plan."""
+        return self.moved_to is not None or self._off_leg
+
+    @property
+    def _off_leg(self) -> bool:
         return self._flown.at(self._clock_s) < self._flown.joins_s - JUMP_S
 
     @property
@@ -174,10 +189,17 @@ class LocalNavigator:
         self._holding = False
         self._progress_s = self._clock_s
 
-    def go_on(self, viewpoint: int) -> None:
-        """Leave the stop at a viewpoint, where the vehicle waits, or waited until it gave way to something."""
+    def go_on(self, viewpoint: int, moved_to: NDArray[np.float64] | None = None) -> None:
+        """Leave the stop at a viewpoint, where the vehicle waits, or waited until it gave way to something.
+
+        Args:
+            viewpoint: which.
+            moved_to: from where its picture was taken, shape (3,); None for from there, or not at all.
+        """
         if self._target is None or self._target.viewpoint != viewpoint:
             return
+        if moved_to is not None:
+            self._departure_now(ReplanReason.VIEWPOINT_BLOCKED).moved.append((viewpoint, moved_to))
         self._todo.remove(self._target)
         self._next_leg()
 
@@ -198,12 +220,12 @@ class LocalNavigator:
         scene = self._around.at(clock_s, self._flown.curve.value(self._flown.at(clock_s)))
         room = standing_room(scene, self._options.safe_m)
         budget = SearchBudget()
-        if self.away and not self._holding and self.gave_up is None and self._flown.joins_s == math.inf:
+        if not self._holding and self.gave_up is None and self._flown.joins_s == math.inf:
             self._come_back(scene, room, budget)
             if self._flown.joins_s == math.inf:
                 if self._flown.ended(clock_s):
                     self._stuck_s += since_s
-                self._lose_patience(clock_s)
+                self._lose_patience(scene, room, budget)
         self._evade(scene, room, budget)
         self._mind_stream_loss(scene, room)
         self._take_note(clock_s)
@@ -228,7 +250,8 @@ class LocalNavigator:
     def _next_leg(self) -> None:
         """Go on behind the stop that is done or left out, from where the vehicle is."""
         away, flown = self.away, self._flown
-        self._waits_at = None
+        self._waits_at = self.moved_to = None
+        self._moves = 0
         self._progress_s, self._stuck_s = self._clock_s, 0.0
         self._begin_leg(self._leg_begin_s + self._leg_length_s)
         if away:
@@ -295,6 +318,10 @@ class LocalNavigator:
         if not self._flown.ended(clock_s) or clock_s < self._searched_s + SEARCH_EVERY_S:
             return
         self._searched_s = clock_s
+        if self.moved_to is not None and room.at(self.moved_to) < self._options.safe_m:
+            self._move_view(scene, room, budget)  # it sees more from here than when it chose the place
+            if self._flown.joins_s < math.inf:
+                return
         place = self._flown.curve.value(self._flown.curve.duration_s)
         options = self._options.evasion(scene)
         leg_s = min(self._flown.on_leg(clock_s), self._leg.duration_s)
@@ -313,11 +340,17 @@ class LocalNavigator:
         times = np.linspace(leg_s, last_s, LOOKS)
         return float(times[np.linalg.norm(self._leg.value(times) - place_m, axis=1).argmin()])
 
-    def _lose_patience(self, clock_s: float) -> None:
+    def _lose_patience(self, scene: Scene, room: Room, budget: SearchBudget) -> None:
         """What becomes of the stop, or of the flight, when there is no way for long."""
-        away_s, options = clock_s - self._progress_s, self._options
+        away_s, options = scene.clock_s - self._progress_s, self._options
         if self._target is not None and (self._stuck_s > options.wait_s or away_s > options.give_up_s):
             departure = self._departure_now(ReplanReason.VIEWPOINT_BLOCKED)
+            self._leave_out_passed(self._flown.on_leg(scene.clock_s), self._leg_length_s)
+            if self.moved_to is None:
+                self._move_view(scene, room, budget)
+                if self.moved_to is not None:
+                    self._stuck_s = max(options.wait_s - NEXT_WAIT_S, 0.0)
+                    return
             departure.skipped.append(self._target.viewpoint)
             self._todo.remove(self._target)
             self._next_leg()
@@ -328,15 +361,30 @@ class LocalNavigator:
             self._reports.append(self._departure_now(ReplanReason.HELD).report(None))
             self._departure = None
 
+    def _move_view(self, scene: Scene, room: Room, budget: SearchBudget) -> None:
+        """Begin to fly from where it stands to where the picture of the next stop can be taken instead, if it can."""
+        stop = self._target
+        if stop is None or stop.others is None or self._moves == MOST_MOVES or not self._flown.ended(scene.clock_s):
+            return
+        place = self._flown.curve.value(self._flown.curve.duration_s)
+        options = self._options.evasion(scene)
+        found = way_to_moved_view(stop.others, place, scene, room, self._limits, options, budget)
+        if found is None:
+            return
+        self._moves += 1
+        self._leg_begin_s, self._leg_length_s = stop.time_s, 0.0
+        self.moved_to, self._flown = found
+        self._leg = hover(self.moved_to)
+
     def _take_note(self, clock_s: float) -> None:
         """What has been reached since."""
         flown = self._flown
         if self._departure is not None:
             self._departure.passes(flown.curve.value(flown.at(clock_s)))
-        if self.away:
+        if self._off_leg:
             self._waits_at = None
             return
-        if self._departure is not None and flown.at(clock_s) >= flown.joins_s - JUMP_S:
+        if self._departure is not None and not self.away:
             self._reports.append(self._departure.report(flown.begun_s + flown.joins_s))
             self._departure = None
         plan_s = self.plan_time_s

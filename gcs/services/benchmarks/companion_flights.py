@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from gcs.core.frames import geodetic_from_enu
-from gcs.core.replanning import ReplanReason, ReplanReport
+from gcs.core.frames import GeoPoint, enu_from_geodetic, geodetic_from_enu
+from gcs.core.replanning import ReplanReason, ReplanReport, ViewpointFate
 from gcs.core.vehicle import Autopilot
 from gcs.mavlink.companion_lease import COMPANION
 from gcs.mavlink.framing import FramePacker, FrameParser
@@ -34,7 +34,7 @@ STREAM_HZ = 20.0
 """The fewest setpoints that are allowed: the hardest for the vehicle, and the least to compute."""
 
 PHOTOGRAPHED_M = 1.0
-"""A picture taken within this of a viewpoint is one of it."""
+"""A picture taken within this of a viewpoint, or of where a report says that it was moved to, is one of it."""
 
 
 @dataclass(frozen=True)
@@ -47,7 +47,8 @@ class FlightOutcome:
         least_m: least distance between its hull and an obstacle.
         touched: obstacles that it touched.
         viewpoints: of the plan.
-        photographed: viewpoints of which there is a picture, in truth.
+        moved: viewpoints that were reported as moved and of which there is a picture from there, in truth.
+        photographed: other viewpoints of which there is a picture, in truth.
         skipped: for each other viewpoint whose skipping was reported the reason.
         reachable: how many of the skipped have nothing that stands too near for good.
         reports_made: by the companion.
@@ -61,6 +62,7 @@ class FlightOutcome:
     least_m: float
     touched: tuple[str, ...]
     viewpoints: int
+    moved: int
     photographed: int
     skipped: tuple[ReplanReason, ...]
     reachable: int
@@ -71,8 +73,8 @@ class FlightOutcome:
 
     @property
     def unaccounted(self) -> int:
-        """Viewpoints that were neither photographed nor reported as skipped."""
-        return self.viewpoints - self.photographed - len(self.skipped)
+        """Viewpoints that were neither photographed, from wherever, nor reported as skipped."""
+        return self.viewpoints - self.photographed - self.moved - len(self.skipped)
 
 
 class _AllReports(ReportsInMemory):
@@ -169,9 +171,15 @@ def _outcome(
 ) -> FlightOutcome:
     viewpoints = wall_plan().plan.viewpoints
     shots = np.array([shot["position_m"] for shot in truth["shots"]]).reshape(-1, 3)
-    photographed = {v.id for v in viewpoints if (np.linalg.norm(shots - v.position_m, axis=1) <= PHOTOGRAPHED_M).any()}
-    told = {change.viewpoint: report.reason for report in station.reports for change in report.viewpoints}
-    skipped = {viewpoint: reason for viewpoint, reason in told.items() if viewpoint not in photographed}
+
+    def is_pictured_from(place_m: NDArray[np.float64]) -> bool:
+        return bool((np.linalg.norm(shots - place_m, axis=1) <= PHOTOGRAPHED_M).any())
+
+    changes = [(change, report.reason) for report in station.reports for change in report.viewpoints]
+    moved = {c.viewpoint for c, _ in changes if c.place is not None and is_pictured_from(_in_scene(c.place))}
+    photographed = {v.id for v in viewpoints if is_pictured_from(v.position_m)} - moved
+    told = {c.viewpoint: reason for c, reason in changes if c.fate is ViewpointFate.SKIPPED}
+    skipped = {viewpoint: reason for viewpoint, reason in told.items() if viewpoint not in photographed | moved}
     free = {v.id for v, is_blocked in zip(viewpoints, blocked, strict=True) if not is_blocked}
     came = Counter((report.number, report.plan_hash_after) for report in station.reports)
     least_m = truth["obstacles"]["least_distance_m"]
@@ -181,6 +189,7 @@ def _outcome(
         least_m=math.inf if least_m is None else least_m,
         touched=tuple(truth["obstacles"]["touched"]),
         viewpoints=len(viewpoints),
+        moved=len(moved),
         photographed=len(photographed),
         skipped=tuple(skipped.values()),
         reachable=len(free & skipped.keys()),
@@ -189,3 +198,8 @@ def _outcome(
         by_hand=station.by_hand,
         flown_s=truth["time_s"],
     )
+
+
+def _in_scene(place: GeoPoint) -> NDArray[np.float64]:
+    anchor = wall_plan().plan.scenario.anchor.point
+    return np.array(enu_from_geodetic(place.latitude_deg, place.longitude_deg, place.altitude_m, anchor))

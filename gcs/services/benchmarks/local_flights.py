@@ -54,6 +54,7 @@ def rows_of(outcomes: list[FlightOutcome], cpu_s: float) -> list[Row]:
         ("collisions", sum(bool(outcome.touched) for outcome in outcomes), 0.0),
         ("viewpoints", sum(outcome.viewpoints for outcome in outcomes), None),
         ("photographed", sum(outcome.photographed for outcome in outcomes), None),
+        ("moved_and_photographed", sum(outcome.moved for outcome in outcomes), None),
         ("skipped_and_reported", sum(reasons.values()), None),
         *((f"skipped.{reason.name.lower()}", number, None) for reason, number in sorted(reasons.items())),
         ("skipped_though_reachable", sum(outcome.reachable for outcome in outcomes), None),

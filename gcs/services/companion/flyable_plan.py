@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -16,12 +16,14 @@ from gcs.planning.trajectories.flight_limits import limits_of
 from gcs.planning.trajectories.retiming import TimeWarp, identity_warp
 from gcs.planning.trajectories.stream_loss import StreamLoss, slow_for_stream_loss
 from gcs.planning.trajectories.warped_curve import slowed_curve
+from gcs.services.companion.moved_pictures import moved_views
 from gcs.services.home_column import column_times
 
 if TYPE_CHECKING:
     from gcs.core.plan import Plan
     from gcs.core.structure import Structure
     from gcs.core.trajectory import PiecewisePolynomial
+    from gcs.planning.local.moved_view import MovedViews
     from gcs.planning.trajectories.flight_limits import FlightLimits
 
 BRAKING_SHARE = 0.8
@@ -47,6 +49,7 @@ class FlyablePlan:
         leave_s: time on `curve` at which the take-off column over home is left.
         enter_s: time on `curve` at which the landing column is entered.
         stream_loss: what the vehicle does when its setpoints stop.
+        others: by viewpoint id, places from which its picture can be taken instead.
     """
 
     plan_hash: str
@@ -57,6 +60,7 @@ class FlyablePlan:
     leave_s: float
     enter_s: float
     stream_loss: StreamLoss
+    others: dict[int, MovedViews] = field(default_factory=dict)
 
     @property
     def swept_m(self) -> float:
@@ -107,7 +111,8 @@ def flyable_plan(plan: Plan, plan_hash: str, structure: Structure | None, offboa
         known = known_map(plan, structure)
     leave, enter = column_times(plan)
     curve = slowed_curve(plan.trajectory, warp)
-    return FlyablePlan(plan_hash, plan, curve, warp, known, warp.time_of(leave), warp.time_of(enter), loss)
+    times = warp.time_of(leave), warp.time_of(enter)
+    return FlyablePlan(plan_hash, plan, curve, warp, known, *times, loss, moved_views(plan, structure))
 
 
 def known_map(plan: Plan, structure: Structure) -> BinaryMap:

@@ -22,6 +22,7 @@ from gcs.core.vehicle import FlightMode
 from gcs.mavlink.mode_guard import ModeChange
 from gcs.mavlink.offboard import Setpoint, setpoint_message
 from gcs.mavlink.stepped_channel import SteppedTask
+from gcs.planning.local.moved_view import moved_viewpoint
 from gcs.planning.local.navigator import LocalNavigator, Stop
 from gcs.planning.local.navigator_options import NavigatorOptions
 from gcs.planning.local.stream_loss_pace import StreamLossRule
@@ -120,6 +121,8 @@ class LedFlight:
         self._holds: dict[str, float] = {}
         self._leaving = self._failed = False
         self._pictures = ViewpointPictures(vehicle, say)
+        self._aside: Viewpoint | None = None
+        """The viewpoint as it is pictured from another place, while the vehicle stands there."""
         self._tasks: list[SteppedTask] = []
         self._accounted: set[int] = set()
         """Viewpoints whose picture was announced, or that were reported as left out."""
@@ -320,10 +323,31 @@ class LedFlight:
         await self._until(lambda: navigator.arrived == viewpoint.id or self._curve_s > at_s + PASSED_S, viewpoint.name)
         if navigator.arrived != viewpoint.id:
             return  # left out; the navigator reports why
+        if navigator.moved_to is not None:
+            await self._photograph_from_aside(commands, viewpoint, navigator.moved_to)
+            return
         await self._pictures.settle(viewpoint, self._rotation @ viewpoint.position_m + self._shift)
         if await self._pictures.take(commands, viewpoint):
             self._accounted.add(viewpoint.id)
         navigator.go_on(viewpoint.id)
+
+    async def _photograph_from_aside(
+        self, commands: FlightCommands, viewpoint: Viewpoint, place_m: NDArray[np.float64]
+    ) -> None:
+        """Turn to the viewpoint's target from another place, at which the vehicle has come to rest."""
+        self._aside = moved_viewpoint(viewpoint, place_m, self._flyable.plan.scenario.camera)
+        await self._pictures.point_camera(commands, self._aside)
+        await self._pictures.settle(self._aside, self._rotation @ place_m + self._shift)
+        navigator = self._navigating()
+        if navigator.arrived != viewpoint.id or navigator.moved_to is not place_m:  # it had to give way meanwhile
+            self._aside = None
+            await self._photograph(commands, viewpoint, None)
+            return
+        taken = await self._pictures.take(commands, viewpoint)
+        if taken:
+            self._accounted.add(viewpoint.id)
+        self._aside = None
+        navigator.go_on(viewpoint.id, place_m if taken else None)
 
     async def _photograph_in_passing(self, commands: FlightCommands, viewpoint: Viewpoint) -> None:
         if await self._pictures.take_in_passing(commands, viewpoint):
@@ -370,7 +394,8 @@ class LedFlight:
 
     def _begin_plan(self) -> None:
         assert self._hover is not None  # the stream has begun
-        stops = [Stop(self._flyable.time_of(v.time_s), v.id, dwell=v.stops) for v in self._todo]
+        others = self._flyable.others
+        stops = [Stop(self._flyable.time_of(v.time_s), v.id, v.stops, others.get(v.id)) for v in self._todo]
         self._navigator = LocalNavigator(
             self._flyable.curve,
             [stop for stop in stops if stop.time_s >= self._start_s],
@@ -431,7 +456,7 @@ class LedFlight:
             return self._hover
         position, velocity, acceleration = self._navigator.motion(now_s)
         self._progress.plan_s = plan_s = self.plan_time_s
-        yaw = float(self._flyable.plan.yaw.value(plan_s))
+        yaw = float(self._flyable.plan.yaw.value(plan_s)) if self._aside is None else self._aside.yaw_rad
         return Setpoint(
             self._rotation @ position + self._shift,
             self._rotation @ velocity,

@@ -23,6 +23,7 @@ def outcome(**changes):
         "least_m": 1.5,
         "touched": (),
         "viewpoints": 4,
+        "moved": 0,
         "photographed": 3,
         "skipped": (ReplanReason.VIEWPOINT_BLOCKED,),
         "reachable": 0,
@@ -86,12 +87,14 @@ def test_the_figures_add_up():
         outcome(),
         outcome(touched=("truck",), least_m=-0.1),
         outcome(photographed=2),
+        outcome(photographed=2, moved=1),
         outcome(reports_once=1, by_hand="stuck", skipped=(ReplanReason.LEASE_ENDED,), reachable=1),
     ]
     figures = {row.figure: row.value for row in rows_of(flights, 20.0)}
     assert figures["collisions"] == figures["unaccounted"] == figures["reports_not_once"] == 1
-    assert (figures["photographed"], figures["skipped_and_reported"], figures["viewpoints"]) == (11, 4, 16)
-    assert (figures["skipped.viewpoint_blocked"], figures["skipped.lease_ended"]) == (3, 1)
+    assert (figures["photographed"], figures["skipped_and_reported"], figures["viewpoints"]) == (13, 5, 20)
+    assert (figures["skipped.viewpoint_blocked"], figures["skipped.lease_ended"]) == (4, 1)
+    assert figures["moved_and_photographed"] == 1
     assert figures["skipped_though_reachable"] == 1
     assert figures["ended_by_hand"] == 1 and figures["least_distance_m"] == pytest.approx(-0.1)
-    assert figures["cpu_s_per_flight"] == pytest.approx(5.0)
+    assert figures["cpu_s_per_flight"] == pytest.approx(4.0)
