@@ -96,7 +96,7 @@ def small_plan(made_once, tmp_path_factory):
 class Vehicle:
     """A simulated vehicle in a process of its own, with the tests' door to it."""
 
-    def __init__(self, kind, plan, *extra, speedup=8.0, card=None, system_id=1):
+    def __init__(self, kind, plan, *extra, speedup=4.0, card=None, system_id=1):
         self.name = f"{kind}-{system_id}"
         self.system_id = system_id
         self.port = free_port()

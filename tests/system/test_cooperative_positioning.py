@@ -39,7 +39,7 @@ async def _flown(kind, gcs, vehicle, plan, tmp_path, records, is_whole):
 async def test_a_station_that_is_killed_meanwhile_tells_positions_again(station, vehicle, small_plan, tmp_path):
     kind = "px4"
     options = ("--count", "2", "--sights", "2,1", f"--hidden={TOP}", *READY[kind])
-    pair = vehicle(kind, *options, plan=small_plan, speedup=2, card=tmp_path / "card")
+    pair = vehicle(kind, *options, plan=small_plan, speedup=1, card=tmp_path / "card")
     base = await station(small_plan)
     flight = await base.prepared(pair, "mission")
     await base.vehicle_heard("px4-2")

@@ -6,7 +6,7 @@ pytestmark = pytest.mark.system
 
 
 async def test_a_failsafe_that_is_off_is_set_instead_of_accepted(gcs, vehicle, small_plan, tmp_path, records):
-    drone = vehicle("px4", "--param", "NAV_DLL_ACT=0", plan=small_plan, speedup=10, card=tmp_path / "card")
+    drone = vehicle("px4", "--param", "NAV_DLL_ACT=0", plan=small_plan, speedup=5, card=tmp_path / "card")
     data = tmp_path / "data"
     fly = ("fly", small_plan, "--connect", drone.url, "--mode", "mission", "--yes", drone.name, "--data", data)
     refused = await gcs(*fly)

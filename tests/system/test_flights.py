@@ -15,7 +15,7 @@ PATIENT = {"px4": ("--param", "COM_OF_LOSS_T=3"), "ardupilot": ()}
 
 async def flown(kind, mode, plan, loss, gcs, vehicle, folder, records, is_whole):
     extra = PATIENT[kind] if mode == "offboard" else ()
-    speedup = 12 if mode == "mission" else 6
+    speedup = 8 if mode == "mission" else 2
     drone = vehicle(kind, "--loss", loss, *extra, plan=plan, speedup=speedup, card=folder / f"card-{kind}")
     data = folder / f"data-{kind}"
     told = await gcs("fly", plan, "--connect", drone.url, "--mode", mode, "--yes", drone.name, "--json", "--data", data)
@@ -50,7 +50,7 @@ async def test_all_of_the_crane_over_a_bad_link(mode, gcs, vehicle, crane_plan, 
 
 
 async def test_a_detour_is_reported_once(gcs, vehicle, small_plan, tmp_path, records, is_whole):
-    drone = vehicle("px4", "--replan", "--loss", "0.1", plan=small_plan, speedup=8, card=tmp_path / "card")
+    drone = vehicle("px4", "--replan", "--loss", "0.1", plan=small_plan, speedup=4, card=tmp_path / "card")
     data = tmp_path / "data"
     told = await gcs(
         "fly", small_plan, "--connect", drone.url, "--mode", "mission", "--yes", drone.name, "--json", "--data", data

@@ -13,7 +13,7 @@ async def test_the_second_flight_starts_with_the_drag_that_the_first_has_shown(
     data = tmp_path / "data"
 
     async def fly(number):
-        drone = vehicle("px4", "--body", "sih", *PATIENT, plan=small_plan, speedup=5, card=tmp_path / f"card-{number}")
+        drone = vehicle("px4", "--body", "sih", *PATIENT, plan=small_plan, speedup=2, card=tmp_path / f"card-{number}")
         options = ("--mode", "offboard", "--yes", drone.name, "--json", "--data", data)
         told = await gcs("fly", small_plan, "--connect", drone.url, *options)
         assert told.status == 0, told.text
@@ -42,7 +42,7 @@ async def test_the_second_flight_starts_with_the_drag_that_the_first_has_shown(
 
 @pytest.mark.parametrize("kind", ["px4", "ardupilot"])
 async def test_without_a_mode_both_are_predicted_and_one_is_chosen(gcs, vehicle, small_plan, tmp_path, records, kind):
-    drone = vehicle(kind, *(PATIENT if kind == "px4" else ()), plan=small_plan, speedup=6, card=tmp_path / "card")
+    drone = vehicle(kind, *(PATIENT if kind == "px4" else ()), plan=small_plan, speedup=3, card=tmp_path / "card")
     data = tmp_path / "data"
     told = await gcs("fly", small_plan, "--connect", drone.url, "--yes", drone.name, "--json", "--data", data)
     assert told.status == 0, told.text

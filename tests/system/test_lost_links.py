@@ -28,7 +28,7 @@ async def test_nobody_answers(small_plan, tmp_path, monkeypatch):
 
 async def test_a_vehicle_that_vanishes_in_flight(vehicle, small_plan, tmp_path, records, monkeypatch):
     monkeypatch.setattr(fly_command, "GIVE_UP_S", 6.0)
-    flown = vehicle("px4", plan=small_plan, speedup=6)
+    flown = vehicle("px4", plan=small_plan, speedup=3)
     said = []
 
     def say(line):

@@ -45,7 +45,7 @@ async def resumed_to_the_end(station, flight, vehicle, plan, is_whole):
 @pytest.mark.parametrize(("kind", "switch"), [("px4", "POSCTL"), ("ardupilot", "LOITER")])
 async def test_the_pilots_switch_in_mid_stream(kind, switch, station, vehicle, small_plan, tmp_path, is_whole):
     patient = ("--param", "COM_OF_LOSS_T=3") if kind == "px4" else ()
-    flown = vehicle(kind, *patient, plan=small_plan, speedup=5, card=tmp_path / "card")
+    flown = vehicle(kind, *patient, plan=small_plan, speedup=2, card=tmp_path / "card")
     base = await station(small_plan)
     flight = await flying(base, flown, "offboard")
     flown.ask(f"mode {switch}")
@@ -56,7 +56,7 @@ async def test_the_pilots_switch_in_mid_stream(kind, switch, station, vehicle, s
 
 
 async def test_the_station_stands_still(station, vehicle, small_plan, tmp_path, is_whole):
-    flown = vehicle("px4", "--param", "COM_OF_LOSS_T=3", plan=small_plan, speedup=5, card=tmp_path / "card")
+    flown = vehicle("px4", "--param", "COM_OF_LOSS_T=3", plan=small_plan, speedup=2, card=tmp_path / "card")
     base = await station(small_plan)
     flight = await flying(base, flown, "offboard")
     base.signal(signal.SIGSTOP)
@@ -73,8 +73,8 @@ async def test_the_station_stands_still(station, vehicle, small_plan, tmp_path, 
 async def test_missions_with_a_pilots_switch_and_a_link_that_is_gone_for_a_while(
     station, vehicle, small_plan, tmp_path, is_whole
 ):
-    switched = vehicle("px4", plan=small_plan, speedup=5, card=tmp_path / "card")
-    silent = vehicle("ardupilot", plan=small_plan, speedup=4, card=tmp_path / "card", system_id=2)
+    switched = vehicle("px4", plan=small_plan, speedup=2, card=tmp_path / "card")
+    silent = vehicle("ardupilot", plan=small_plan, speedup=2, card=tmp_path / "card", system_id=2)
     base = await station(small_plan)
     first = await flying(base, switched, "mission")
     switched.ask("mode POSCTL")

@@ -82,7 +82,7 @@ async def test_a_mission_that_the_vehicle_would_fly_too_near_to_the_structure(gc
 
 @pytest.mark.parametrize("kind", ["px4", "ardupilot"])
 async def test_a_mission_that_is_gone_when_a_paused_flight_is_resumed(station, vehicle, small_plan, kind):
-    flown = vehicle(kind, plan=small_plan, speedup=5)
+    flown = vehicle(kind, plan=small_plan, speedup=3)
     base = await station(small_plan)
     flight = await base.prepared(flown, "mission")
     await base.post(f"/flights/{flight}/upload", expect=202)
@@ -102,7 +102,7 @@ async def test_a_mission_that_is_gone_when_a_paused_flight_is_resumed(station, v
 async def test_a_failsafe_that_is_off_is_accepted_by_its_name_and_the_return_altitude_raised(
     gcs, vehicle, small_plan, tmp_path, records
 ):
-    flown = vehicle("px4", "--param", "NAV_DLL_ACT=0", "--param", "RTL_RETURN_ALT=20", plan=small_plan, speedup=10)
+    flown = vehicle("px4", "--param", "NAV_DLL_ACT=0", "--param", "RTL_RETURN_ALT=20", plan=small_plan, speedup=5)
     told = await fly(gcs, small_plan, flown, tmp_path / "data")
     is_refused(told, flown, "NAV_DLL_ACT", "must be accepted by name")
     assert flown.truth["mission_items"] == 0

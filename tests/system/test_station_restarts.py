@@ -65,8 +65,8 @@ async def test_killed_in_mid_upload(station, vehicle, small_plan):
 
 async def test_killed_in_mission_flights(station, vehicle, small_plan, tmp_path, is_whole):
     flown = [
-        vehicle("px4", plan=small_plan, speedup=5, card=tmp_path / "card"),
-        vehicle("ardupilot", plan=small_plan, speedup=5, card=tmp_path / "card", system_id=2),
+        vehicle("px4", plan=small_plan, speedup=3, card=tmp_path / "card"),
+        vehicle("ardupilot", plan=small_plan, speedup=3, card=tmp_path / "card", system_id=2),
     ]
     base = await station(small_plan)
     flights = [await base.prepared(one, "mission") for one in flown]
@@ -95,7 +95,7 @@ async def test_killed_in_mission_flights(station, vehicle, small_plan, tmp_path,
 
 
 async def test_killed_in_an_offboard_flight(station, vehicle, small_plan, tmp_path, is_whole):
-    flown = vehicle("px4", "--param", "COM_OF_LOSS_T=3", plan=small_plan, speedup=6, card=tmp_path / "card")
+    flown = vehicle("px4", "--param", "COM_OF_LOSS_T=3", plan=small_plan, speedup=2, card=tmp_path / "card")
     base = await station(small_plan)
     flight = await base.prepared(flown, "offboard")
     await base.post(f"/flights/{flight}/start", confirm=flown.name)

@@ -12,7 +12,7 @@ pytestmark = pytest.mark.system
 
 
 async def test_both_halves_of_a_flight_are_in_one_log(station, vehicle, small_plan, tmp_path):
-    flown = vehicle("px4", plan=small_plan, speedup=5, card=tmp_path / "card")
+    flown = vehicle("px4", plan=small_plan, speedup=3, card=tmp_path / "card")
     base = await station(small_plan)
     flight = await base.prepared(flown, "mission")
     await base.post(f"/flights/{flight}/upload", expect=202)

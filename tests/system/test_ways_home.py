@@ -71,7 +71,7 @@ def at_the_tower(vehicle, tower):
         f"--anchor={anchor.latitude_deg},{anchor.longitude_deg},{anchor.altitude_m}",
         f"--home={float(latitude):.9f},{float(longitude):.9f},{float(altitude):.4f}",
     )
-    return lambda kind, *extra, speedup=3.0: vehicle(kind, *place, *extra, plan=tower, speedup=speedup)
+    return lambda kind, *extra, speedup=2.0: vehicle(kind, *place, *extra, plan=tower, speedup=speedup)
 
 
 class Watch:
