@@ -10,7 +10,8 @@ from gcs.core.clock import utc_now
 from gcs.core.errors import GcsError
 from gcs.core.frames import enu_from_geodetic
 from gcs.mavlink.events import ReplanEvent
-from gcs.services.flight_recorder import NOTICE, WARNING, log_line
+from gcs.services.flight_recorder import NOTICE, WARNING, FlightRecorder, log_line
+from gcs.services.image_account import ImageAccounting, complete_by_pictures, count_pictures_as_visits
 from gcs.services.live_feed import ReplanStored
 from gcs.services.replan_difference import Chain, ReplanView, differences_of_flight
 from gcs.storage.records import ReplanObstacle, ReplanRecord, ViewpointFateName, ViewpointFateRecord
@@ -23,6 +24,7 @@ if TYPE_CHECKING:
     from gcs.services.plan_service import PlanService
     from gcs.services.vehicle_service import VehicleService
     from gcs.storage.database import Database
+    from gcs.storage.image_store import ImageStore
     from gcs.storage.records import FlightRecord
 
 log = logging.getLogger(__name__)
@@ -41,13 +43,17 @@ class ReplanReports:
         feed: the dashboards.
         plans: the station's plans.
         vehicles: who reports.
+        images: the pictures of all flights.
     """
 
-    def __init__(self, database: Database, feed: LiveFeed, plans: PlanService, vehicles: VehicleService) -> None:
+    def __init__(
+        self, database: Database, feed: LiveFeed, plans: PlanService, vehicles: VehicleService, images: ImageStore
+    ) -> None:
         self._database = database
         self._feed = feed
         self._plans = plans
         self._vehicles = vehicles
+        self._images = images
         self._task: asyncio.Task[None] | None = None
         self._left_alone: set[tuple[int, int]] = set()
 
@@ -77,14 +83,19 @@ class ReplanReports:
                 vehicle = station.vehicles.get(told.system_id)
                 if isinstance(told.event, ReplanEvent) and vehicle is not None:
                     try:
-                        self.take(vehicle, told.event.report)
+                        record = self.take(vehicle, told.event.report)
+                        if record is not None:
+                            await self._match_pictures(record)
                     except GcsError:  # not acknowledged, so it will come again
                         log.exception("%s: a replanning report could not be stored", vehicle.identity.name)
 
-    def take(self, vehicle: Vehicle, report: ReplanReport) -> None:
+    def take(self, vehicle: Vehicle, report: ReplanReport) -> ReplanRecord | None:
         """Store a report, once, and acknowledge it each time that it comes.
 
         One that belongs to no flight of this station is left to the vehicle: another station may be waiting for it.
+
+        Returns:
+            What was stored; None when it was stored already, or is left alone.
         """
         system_id, name = vehicle.identity.system_id, vehicle.identity.name
         flight = self._flight_of(name, system_id, report)
@@ -92,12 +103,25 @@ class ReplanReports:
             if (system_id, report.boot_id) not in self._left_alone:
                 self._left_alone.add((system_id, report.boot_id))
                 log.warning("%s reports a departure from a plan, and has flown none for this station", name)
-            return
+            return None
         anchor = self._plans.anchor(flight.plan_id)
         record, new = self._database.replans.add(_record(report, system_id, flight.id, anchor))
         vehicle.acknowledge_replan(report)
-        if new:
-            self._tell(record, report.reason.words)
+        if not new:
+            return None
+        self._tell(record, report.reason.words)
+        return record
+
+    async def _match_pictures(self, record: ReplanRecord) -> None:
+        """Of a flight that is over, count anew when it is told only now from where its pictures were taken."""
+        moved = any(change.fate is ViewpointFateName.MOVED for change in record.viewpoints)
+        if not moved or record.flight_id in {flight.id for flight in self._database.flights.open_flights()}:
+            return
+        plan = self._plans.read(self._database.flights.get(record.flight_id).plan_id)
+        recorder = FlightRecorder(record.flight_id, self._database, self._images, self._feed)
+        account = await ImageAccounting(plan, recorder).settle_aside()
+        count_pictures_as_visits(account, plan, recorder)
+        complete_by_pictures(account, recorder)
 
     def _flight_of(self, vehicle: str, system_id: int, report: ReplanReport) -> FlightRecord | None:
         """The flight whose plan, or changed plan, the vehicle left; else the one of its other reports, or its last."""

@@ -115,7 +115,7 @@ class StationServices:
             keys = SigningKeyStore(self.data_dir, os.environ.get(PASSPHRASE_VARIABLE))
             self.vehicles = VehicleService(self.database, self.feed, mavlink, self._links, keys)
             stack.push_async_callback(self.vehicles.close)
-            self.replans = ReplanReports(self.database, self.feed, self.plans, self.vehicles)
+            self.replans = ReplanReports(self.database, self.feed, self.plans, self.vehicles, self.images)
             self.replans.open()
             stack.push_async_callback(self.replans.close)
             await self.vehicles.open(stored_links=self._stored_links)

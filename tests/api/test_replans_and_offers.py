@@ -1,5 +1,6 @@
 """From a report on the link to the difference that is shown, and to the plan that is offered for what was skipped."""
 
+import io
 import re
 import time
 from dataclasses import replace
@@ -7,15 +8,17 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pytest
+from PIL import Image
 
 from gcs.core.errors import InfeasibleError
 from gcs.core.frames import GeoPoint, geodetic_from_enu
 from gcs.core.replanning import ReplanReason, ReplanReport, SeenObstacle, ViewpointChange, ViewpointFate
 from gcs.mavlink.events import ReplanEvent, StationEvent
-from gcs.storage.records import FlightState, TrackPoint
+from gcs.services.flight_recorder import FlightRecorder
+from gcs.storage.records import FlightState, ImageRecord, ImageState, TrackPoint
 
 ANCHOR = GeoPoint(31.3622, 121.6155, 4.0)
-AFTER = "01" * 32
+AFTER, AT = "01" * 32, "2026-11-22T10:00:00Z"
 
 
 def geo(*place_m):
@@ -71,8 +74,6 @@ def over(client, services, started):
     """End the flight as its recorder does."""
 
     def end():
-        from gcs.services.flight_recorder import FlightRecorder
-
         recorder = FlightRecorder(started["id"], services.database, services.images, services.feed)
         client.portal.call(recorder.enter, FlightState.INCOMPLETE, "0 of 1 images are here")
 
@@ -286,3 +287,20 @@ def test_nothing_is_offered_where_nothing_was_skipped(client, flight):
     assert "skipped no viewpoint" in response.json()["detail"]
     assert client.post("/api/offers/offer-9/accept").status_code == 404
     assert client.post("/api/flights/flight-9/offers").status_code == 404
+
+
+def test_a_move_that_is_told_after_the_landing_gives_the_picture_to_its_viewpoint(
+    client, services, started, report, tell, over
+):
+    place = np.array([6.0, 2.4, 10.0])
+    file = io.BytesIO()
+    Image.new("RGB", (16, 12)).save(file, "JPEG")
+    recorder = FlightRecorder(started["id"], services.database, services.images, services.feed)
+    image = ImageRecord("a", started["id"], 0, None, None, ImageState.ANNOUNCED, "link", AT, position_m=tuple(place))
+    recorder.store_image(recorder.image(image), file.getvalue())
+    over()
+    tell(replace(report, viewpoints=(ViewpointChange(0, ViewpointFate.MOVED, geo(*place)),)))
+    shown = until(lambda: client.get(f"/api/flights/{started['id']}").json(), lambda f: f["state"] == "completed")
+    assert shown["problems"] == []
+    (image,) = client.get(f"/api/flights/{started['id']}/images").json()
+    assert image["viewpoint_id"] == 0
