@@ -2,20 +2,33 @@
 
 from __future__ import annotations
 
+import math
 import time
 from importlib.util import find_spec
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-REFERENCES = ("RRTstar", "InformedRRTstar", "BITstar")
-"""OMPL's names of RRT*, Informed RRT* and BIT*."""
+REFERENCES = {"RRTstar": "rrt_star", "InformedRRTstar": "informed_rrt_star", "BITstar": "bit_star"}
+"""OMPL's names of RRT*, Informed RRT* and BIT*, and ours."""
 
 LONGEST_S = 10.0
 
 
-def seconds_until(
+class ReferenceRun(NamedTuple):
+    """A run of a planner.
+
+    Attributes:
+        seconds: until its way was short enough; infinity when it never was.
+        length_m: of its way in the end.
+    """
+
+    seconds: float
+    length_m: float
+
+
+def reference_runs(
     name: str,
     start_m: Sequence[float],
     goal_m: Sequence[float],
@@ -23,8 +36,8 @@ def seconds_until(
     side_m: float,
     length_m: float,
     runs: int,
-) -> list[float] | None:
-    """How long a planner of OMPL takes until its way round a box is short enough.
+) -> list[ReferenceRun] | None:
+    """Have a planner of OMPL look for a way round a box that is short enough.
 
     Args:
         name: one of `REFERENCES`.
@@ -36,7 +49,7 @@ def seconds_until(
         runs: how many.
 
     Returns:
-        Seconds of each run, at most `LONGEST_S`; None when OMPL is not installed.
+        Each run, of at most `LONGEST_S`; None when OMPL is not installed.
     """
     if find_spec("ompl") is None:
         return None
@@ -53,7 +66,7 @@ def seconds_until(
     def free(state: Any) -> bool:
         return not (west < state[0] < east and south < state[1] < north)
 
-    seconds = []
+    found = []
     for _ in range(runs):
         setup = geometric.SimpleSetup(space)
         information = setup.getSpaceInformation()
@@ -68,8 +81,10 @@ def seconds_until(
         setup.setup()
         begin = time.thread_time()
         setup.solve(LONGEST_S)
-        seconds.append(time.thread_time() - begin)
-    return seconds
+        seconds = time.thread_time() - begin
+        way_m = setup.getSolutionPath().length() if setup.haveExactSolutionPath() else math.inf
+        found.append(ReferenceRun(seconds if way_m <= length_m else math.inf, way_m))
+    return found
 
 
 def _state(space: Any, point_m: Sequence[float]) -> Any:
