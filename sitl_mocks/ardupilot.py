@@ -8,18 +8,21 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from gcs.core.frames import heading_from_yaw, wrap_angle, yaw_from_heading
+from gcs.core.frames import wrap_angle, yaw_from_heading
 from sitl_mocks.airframe import FlightLimits
 from sitl_mocks.ardupilot_failsafes import ArduPilotFailsafes
 from sitl_mocks.ardupilot_files import ArduPilotFiles
 from sitl_mocks.ardupilot_mission_run import ArduPilotMissionRun
 from sitl_mocks.ardupilot_mission_server import ArduPilotMissionServer
 from sitl_mocks.ardupilot_modes import Mode
-from sitl_mocks.ardupilot_parameters import ARDUPILOT_PARAMETERS
+from sitl_mocks.ardupilot_parameters import ARDUPILOT_PARAMETERS, mission_room
+from sitl_mocks.camera import feedback_message
 from sitl_mocks.channel import Channel
 from sitl_mocks.commands import ACCEPTED, DENIED, FAILED, UNSUPPORTED, Command
 from sitl_mocks.dialect import Message, mavlink
-from sitl_mocks.file_server import VirtualFolder
+from sitl_mocks.fence_rally import ARDUPILOT_MISSION, with_room
+from sitl_mocks.file_server import FileServer
+from sitl_mocks.file_tree import FileTree
 from sitl_mocks.flight_tasks import DescentProfile, Hold, Land, ReturnAlong
 from sitl_mocks.mission_items import StoredItem
 from sitl_mocks.mission_server import MissionServer
@@ -39,10 +42,18 @@ _WITHOUT_ARMING = {Mode.AUTO, Mode.RTL, Mode.LAND, Mode.BRAKE, Mode.SMART_RTL}
 _NEEDS_POSITION = {Mode.AUTO, Mode.GUIDED, Mode.LOITER, Mode.RTL, Mode.POSHOLD, Mode.BRAKE, Mode.SMART_RTL}
 _READY_WITHOUT_POSITION = 24 / 41
 """Share of the time until it is ready after which it can be armed in a mode that needs no position."""
-_STORAGE_AFTER_S = 0.5
-"""Wall time until the mission storage has been opened (about 2 s on the real one)."""
+_STORAGE_AFTER_S, _REAL_STORAGE_AFTER_S = 0.5, 2.0
+"""Wall time until the mission storage has been opened, here and on the real one."""
 _HOME_BELOW_ORIGIN_M = 0.02
 """The estimator's origin and home differ by so much in height, as on the real one."""
+
+_ROOT = ("/.", "/..", "/terrain", "/@ROMFS", "/@SYS")
+"""What it lists of its files."""
+_CAMERA_COMMANDS = (
+    mavlink.MAV_CMD_IMAGE_START_CAPTURE,
+    mavlink.MAV_CMD_IMAGE_STOP_CAPTURE,
+    mavlink.MAV_CMD_DO_SET_CAM_TRIGG_DIST,
+)
 
 _DATA_STREAMS = {
     2: ("SYS_STATUS", "GPS_RAW_INT", "MISSION_CURRENT"),
@@ -63,6 +74,7 @@ class ArduPilotVehicle(SimulatedVehicle):
     gps_fix = 6
     fix_texts = ("GPS Glitch or Compass error", "Glitch cleared")
     ready_after_s = 2.0
+    real_ready_after_s = 41.0
     announces_captures = False
     unknown_stream_result = FAILED
 
@@ -71,7 +83,7 @@ class ArduPilotVehicle(SimulatedVehicle):
     def _make_parameters(self) -> ParameterServer:
         table = dict(ARDUPILOT_PARAMETERS)
         table["SYSID_THISMAV"] = (self.options.system_id, table["SYSID_THISMAV"][1])
-        return ParameterServer(table, bytewise=False)
+        return ParameterServer(table, bytewise=False, listed_per_s=2000.0, least=self.options.parameter_count)
 
     def _prepare(self) -> None:
         self.mode = Mode.STABILIZE
@@ -88,11 +100,20 @@ class ArduPilotVehicle(SimulatedVehicle):
 
     def _make_mission_server(self) -> MissionServer:
         return ArduPilotMissionServer(
-            self.say, self.run.mission_changed, self._home_item, lambda: self.up_s >= _STORAGE_AFTER_S
+            self.say,
+            self.run.mission_changed,
+            self._home_item,
+            lambda: self._storage_is_open,
+            with_room(ARDUPILOT_MISSION, self.options.mission_items or mission_room(self.parameters["BRD_SD_MISSION"])),
         )
 
-    def _virtual_folder(self) -> VirtualFolder | None:
-        return ArduPilotFiles(lambda: self.parameters, self.missions.by_type)
+    @property
+    def _storage_is_open(self) -> bool:
+        return self.up_s >= (_REAL_STORAGE_AFTER_S if self.options.real_start else _STORAGE_AFTER_S)
+
+    def _make_autopilot_files(self) -> FileServer:
+        files = ArduPilotFiles(lambda: self.parameters, self.missions.by_type)
+        return FileServer(FileTree(folders=_ROOT), sessions=1, virtual=files)
 
     def _home_item(self) -> StoredItem:
         if not self.has_position:
@@ -120,7 +141,7 @@ class ArduPilotVehicle(SimulatedVehicle):
             status = CRITICAL
         elif self.in_air:
             status = ACTIVE
-        elif self.up_s < _STORAGE_AFTER_S:
+        elif not self._storage_is_open:
             status = 1
         return mavlink.MAVLink_heartbeat_message(
             mavlink.MAV_TYPE_QUADROTOR, self.autopilot, flags, int(self.mode), status, 3
@@ -166,24 +187,7 @@ class ArduPilotVehicle(SimulatedVehicle):
             self.streams.set_rate(channel, message_id, message.req_message_rate if message.start_stop else 0.0)
 
     def _picture_taken(self, exposure: Exposure) -> None:
-        self.broadcast(
-            mavlink.MAVLink_camera_feedback_message(
-                round(exposure.unix_s * 1e6),
-                0,
-                0,
-                exposure.index + 1,
-                e7(exposure.place.latitude_deg),
-                e7(exposure.place.longitude_deg),
-                exposure.place.altitude_m,
-                exposure.place.altitude_m - exposure.home_altitude_m,
-                math.degrees(exposure.roll_rad),
-                math.degrees(exposure.pitch_rad),
-                math.degrees(heading_from_yaw(exposure.yaw_rad)),
-                0.0,
-                0,
-                len(self.camera.shots),
-            )
-        )
+        self.broadcast(feedback_message(exposure, len(self.camera.shots)))
 
     # Limits ----------------------------------------------------------------------------------------------------------
 
@@ -223,8 +227,7 @@ class ArduPilotVehicle(SimulatedVehicle):
             m.MAV_CMD_DO_REPOSITION: lambda c, _: self._reposition(c),
             m.MAV_CMD_CONDITION_YAW: lambda c, _: self._condition_yaw(c),
             m.MAV_CMD_DO_DIGICAM_CONTROL: lambda c, _: self._digicam(c),
-            m.MAV_CMD_IMAGE_START_CAPTURE: lambda c, _: self.camera_command(c),
-            m.MAV_CMD_IMAGE_STOP_CAPTURE: lambda c, _: self.camera_command(c),
+            **dict.fromkeys(_CAMERA_COMMANDS, lambda c, _: self.camera_command(c)),
         }
 
     def _set_mode(self, base_mode: int, custom_mode: int, sub_mode: int, channel: Channel) -> int:
@@ -306,9 +309,19 @@ class ArduPilotVehicle(SimulatedVehicle):
         return ACCEPTED
 
     def _digicam(self, command: Command) -> int:
+        if not self.parameters["CAM1_TYPE"]:
+            return FAILED
         if command.params[4] == 1.0:
             self.camera.take()
         return ACCEPTED
+
+    def camera_command(self, command: Command) -> int:
+        """See base class; without a camera the items of a mission pass silently."""
+        return super().camera_command(command) if self.parameters["CAM1_TYPE"] else FAILED
+
+    def point_gimbal(self, command: Command) -> int:
+        """See base class; the same without a gimbal."""
+        return super().point_gimbal(command) if self.parameters["MNT1_TYPE"] else FAILED
 
     def run_mission_command(self, command: Command) -> None:
         """What a do command of the mission does."""
@@ -319,7 +332,7 @@ class ArduPilotVehicle(SimulatedVehicle):
             self.point_gimbal(command)
         elif command.number == m.MAV_CMD_DO_DIGICAM_CONTROL:
             self._digicam(command)
-        elif command.number in {m.MAV_CMD_IMAGE_START_CAPTURE, m.MAV_CMD_IMAGE_STOP_CAPTURE}:
+        elif command.number in _CAMERA_COMMANDS:
             self.camera_command(command)
 
     def _set_current_item(self, sequence: int) -> bool:

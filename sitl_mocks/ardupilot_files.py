@@ -1,4 +1,4 @@
-"""Files that ArduPilot makes up: `@PARAM/param.pck`, and missions, fences and rally points as `@MISSION/*.dat`.
+"""Files that ArduPilot makes up: `@PARAM/param.pck`, missions, fences and rally points as `@MISSION/*.dat`, and `@SYS`.
 
 Formats: AP_Filesystem_Param and AP_Filesystem_Mission. Sizes are told before anything is made up, and so are no sizes;
 the checksum of the parameters is over another layout than what is read.
@@ -16,6 +16,9 @@ from sitl_mocks.parameters import INT8, INT16, INT32, REAL32, ParameterServer
 
 _LISTS = {"@MISSION/mission.dat": 0, "@MISSION/fence.dat": 1, "@MISSION/rally.dat": 2}
 _PARAMETERS = "@PARAM/param.pck"
+_SYSTEM = "@SYS"
+_ABOUT_ITSELF = {f"{_SYSTEM}/{name}.txt": f"{name}V1\n".encode() for name in ("threads", "memory", "uarts", "timers")}
+_ANNOUNCED_TEXT = 100_000
 _MISSION_MAGIC, _NO_CLEAR = 0x763D, 1
 _HEADER = struct.Struct("<HHHHH")
 _ITEM = struct.Struct("<ffffiifHHBBBBBB")
@@ -44,12 +47,13 @@ class ArduPilotFiles:
         name, _, query = path.partition("?")
         if name == _PARAMETERS:
             return self._packed(query, DATA_SIZE)
-        return self._list_file(_LISTS[name]) if name in _LISTS else None
+        return self._list_file(_LISTS[name]) if name in _LISTS else _ABOUT_ITSELF.get(path)
 
     def entries(self, path: str) -> list[str] | None:
-        """Nothing is listed, as on the real one."""
-        del path
-        return None
+        """Nothing but the files about itself is listed, as on the real one."""
+        if path != _SYSTEM:
+            return None
+        return [f"F{name.removeprefix(f'{_SYSTEM}/')}\t{_ANNOUNCED_TEXT}" for name in _ABOUT_ITSELF]
 
     def takes(self, path: str) -> bool:
         """Whether a file can be written."""
@@ -57,7 +61,9 @@ class ArduPilotFiles:
 
     def announced_size(self, path: str) -> int:
         """A guess."""
-        return 12 * len(self._parameters().table()) if path.startswith(_PARAMETERS) else _ANNOUNCED
+        if path.startswith(_PARAMETERS):
+            return 12 * len(self._parameters().table())
+        return _ANNOUNCED_TEXT if path.startswith(_SYSTEM) else _ANNOUNCED
 
     def checksummed(self, path: str) -> bytes | None:
         """The same as it is when it is read in larger pieces."""

@@ -7,7 +7,7 @@ from contextlib import suppress
 from dataclasses import replace
 
 from sitl_mocks.dialect import Message, mavlink
-from sitl_mocks.fence_rally import ARDUPILOT_LISTS, ARDUPILOT_MISSION, ListKind
+from sitl_mocks.fence_rally import ARDUPILOT_LISTS, ARDUPILOT_MISSION, MISSION, ListKind
 from sitl_mocks.mission_items import ItemRefused, StoredItem, item_of_message, message_of_item
 from sitl_mocks.mission_server import (
     ACCEPTED,
@@ -52,7 +52,7 @@ class ArduPilotMissionServer(MissionServer):
     ) -> None:
         super().__init__(say, changed, kind)
         self.by_type: dict[int, ArduPilotMissionServer] = {kind.mission_type: self}
-        if kind is ARDUPILOT_MISSION:
+        if kind.mission_type == MISSION:
             for other in ARDUPILOT_LISTS:
                 self.by_type[other.mission_type] = ArduPilotMissionServer(say, lambda: None, home, ready, other)
             self.others = {number: server for number, server in self.by_type.items() if server is not self}
@@ -75,7 +75,7 @@ class ArduPilotMissionServer(MissionServer):
 
     def stored(self) -> list[StoredItem]:
         """The list as it is given out: a mission has home as item 0."""
-        if self._kind is not ARDUPILOT_MISSION:
+        if self._kind.mission_type != MISSION:
             return self.items
         return [self._home(), *self.items[1:]] if self.items else []
 
@@ -123,7 +123,7 @@ class ArduPilotMissionServer(MissionServer):
 
     def _mission_write_partial_list(self, message: Message, peer: Peer, send: Send, wall_s: float) -> None:
         first, last = message.start_index, message.end_index
-        if self._kind is not ARDUPILOT_MISSION:
+        if self._kind.mission_type != MISSION:
             self._acknowledge(UNSUPPORTED, peer, send)
         elif not 0 <= first <= last <= len(self.items):
             self._acknowledge(ERROR, peer, send)
@@ -190,7 +190,7 @@ class ArduPilotMissionServer(MissionServer):
         if message.seq >= len(items):
             self._acknowledge(INVALID_SEQUENCE, peer, send)
             return
-        autocontinue = int(self._kind is ARDUPILOT_MISSION)
+        autocontinue = int(self._kind.mission_type == MISSION)
         item = replace(items[message.seq], current=0, autocontinue=autocontinue)
         send(message_of_item(item, message.seq, peer, self._kind.mission_type, as_float=as_float))
 

@@ -12,6 +12,7 @@ ARDUPILOT_PARAMETERS: dict[str, tuple[float, int]] = {
     "ANGLE_MAX": (3000, INT16),
     "ARMING_CHECK": (1, INT32),
     "ATC_INPUT_TC": (0.15, REAL32),
+    "BRD_SD_MISSION": (0, INT16),
     "BATT_CAPACITY": (5850, INT32),
     "BATT_CRT_MAH": (400, REAL32),  # 0 (off) on the real one
     "BATT_FS_CRT_ACT": (1, INT8),  # land; 0 (off) on the real one
@@ -78,3 +79,10 @@ ARDUPILOT_PARAMETERS: dict[str, tuple[float, int]] = {
     "WPNAV_SPEED_UP": (500.0, REAL32),  # 250 on the real one
     "WP_YAW_BEHAVIOR": (2, INT8),
 }
+
+_SD_ITEM_BYTES = 15
+
+
+def mission_room(sd_card_kb: float) -> int:
+    """How many items a mission may have with so much room on the card (BRD_SD_MISSION); 0 for the board's own room."""
+    return max(int(sd_card_kb) * 1024 // _SD_ITEM_BYTES - 1, 0)

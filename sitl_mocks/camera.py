@@ -5,10 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from concurrent.futures import Future
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
+from gcs.core.frames import heading_from_yaw
 from sitl_mocks.commands import ACCEPTED, DENIED, UNSUPPORTED, Command
 from sitl_mocks.dialect import Message, mavlink
+from sitl_mocks.distance_trigger import DistanceTrigger
+from sitl_mocks.file_tree import FileTree
 from sitl_mocks.picture import (
     FOCAL_LENGTH_MM,
     HEIGHT_PX,
@@ -17,7 +20,7 @@ from sitl_mocks.picture import (
     WIDTH_PX,
     Exposure,
 )
-from sitl_mocks.scene_frame import e7
+from sitl_mocks.scene_frame import Array, e7
 
 CAPACITY_MIB = 32_000.0
 _OLD_REQUESTS = {
@@ -38,22 +41,10 @@ class Shot:
 
 
 @dataclass
-class CameraFolder:
-    """The files of the camera by path, such as `/DCIM/IMG_0001.JPG`."""
+class CameraFolder(FileTree):
+    """The files of the camera."""
 
-    files: dict[str, bytes] = field(default_factory=dict)
-
-    def content(self, path: str) -> bytes | None:
-        """A file; None when there is none."""
-        return self.files.get(path)
-
-    def entries(self, path: str) -> list[str] | None:
-        """What is in a folder, as a listing has it; None when there is no such folder."""
-        if path == "":
-            return ["DDCIM"]
-        if path != "/DCIM":
-            return None
-        return [f"F{name.rsplit('/', 1)[1]}\t{len(self.files[name])}" for name in sorted(self.files)]
+    folders: tuple[str, ...] = ("/DCIM",)
 
 
 class Camera:
@@ -91,12 +82,14 @@ class Camera:
         self._interval_s = 0.0
         self._left = 0
         self._next_s = 0.0
+        self._trigger = DistanceTrigger()
         self.shots: list[Shot] = []
         self._stored = 0
 
-    def forget_sequence(self) -> None:
-        """A new flight counts its commands from the beginning."""
+    def begin_flight(self) -> None:
+        """A new flight counts its commands from the beginning, and takes no pictures of its own."""
         self._last_sequence = 0
+        self._trigger = DistanceTrigger()
 
     def start_capture(self, interval_s: float, total: int, sequence: int, now_s: float) -> int:
         """IMAGE_START_CAPTURE; returns the MAV_RESULT."""
@@ -123,11 +116,13 @@ class Camera:
         self.shots.append(Shot(exposure, path, self._draw(exposure)))
         self._taken(exposure)
 
-    def step(self, now_s: float) -> None:
-        """Take the pictures of a series whose time has come, store what has been drawn, and tell of it in order."""
+    def step(self, now_s: float, position_m: Array) -> None:
+        """Take the pictures whose time or place has come, store what has been drawn, and tell of it in order."""
         while self._left > 0 and now_s >= self._next_s:
             self._left -= 1
             self._next_s += self._interval_s
+            self.take()
+        if self._trigger.is_due(position_m):
             self.take()
         while self._stored < len(self.shots) and self.shots[self._stored].drawing.done():
             shot = self.shots[self._stored]
@@ -222,6 +217,9 @@ class Camera:
         if command.number == m.MAV_CMD_IMAGE_STOP_CAPTURE:
             self.stop_capture()
             return ACCEPTED
+        if command.number == m.MAV_CMD_DO_SET_CAM_TRIGG_DIST:
+            self._trigger = DistanceTrigger(command.params[0], at_once=command.params[2] == 1.0)
+            return ACCEPTED
         if command.number == m.MAV_CMD_SET_CAMERA_MODE:
             return ACCEPTED if int(command.params[1]) == m.CAMERA_MODE_IMAGE else UNSUPPORTED
         message_id = _OLD_REQUESTS.get(command.number)
@@ -248,6 +246,27 @@ class Camera:
         if message_id == m.MAVLINK_MSG_ID_CAMERA_IMAGE_CAPTURED and math.isfinite(index):
             return self.captured_message(int(index))
         return None
+
+
+def feedback_message(exposure: Exposure, taken: int) -> Message:
+    """CAMERA_FEEDBACK, by which ArduPilot tells of an exposure; with how many were taken so far."""
+    place = exposure.place
+    return mavlink.MAVLink_camera_feedback_message(
+        round(exposure.unix_s * 1e6),
+        0,
+        0,
+        exposure.index + 1,
+        e7(place.latitude_deg),
+        e7(place.longitude_deg),
+        place.altitude_m,
+        place.altitude_m - exposure.home_altitude_m,
+        math.degrees(exposure.roll_rad),
+        math.degrees(exposure.pitch_rad),
+        math.degrees(heading_from_yaw(exposure.yaw_rad)),
+        0.0,
+        0,
+        taken,
+    )
 
 
 def _quaternion(exposure: Exposure) -> list[float]:

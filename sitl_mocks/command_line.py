@@ -47,6 +47,9 @@ def _parser() -> argparse.ArgumentParser:
     )
     add("--seed", type=int, default=0, help="of sensor noise, gusts and link faults (0)")
     add("--param", action="append", default=[], metavar="NAME=VALUE", help="set a parameter (repeatable)")
+    add("--parameter-count", type=int, default=0, help="how many parameters at least, most of them without a meaning")
+    add("--mission-items", type=int, default=0, help="how many items a mission may have (px4 10000, ardupilot 650)")
+    add("--real-start", action="store_true", help="start as slowly as the real ones did (px4 5 s, ardupilot 41 s)")
     add("--uid", default="", metavar="HEX", help="hardware id for AUTOPILOT_VERSION.uid2, at most 18 bytes")
     add("--battery-wh", type=float, default=130.0, help="capacity of the battery (130)")
     add("--wind", default="0,0", metavar="EAST,NORTH[,UP]", help="velocity of the air in m/s (0,0)")
@@ -120,6 +123,9 @@ def _run(given: argparse.Namespace) -> int:
         named_faults=tuple(check_fault(name) for name in given.fault),
         seed=given.seed,
         parameters=tuple(_parameter(text) for text in given.param),
+        parameter_count=_count(given.parameter_count, "--parameter-count"),
+        mission_items=_count(given.mission_items, "--mission-items"),
+        real_start=given.real_start,
         uid=_uid(given.uid),
         images_dir=given.images_dir,
         battery_wh=given.battery_wh,
@@ -165,6 +171,12 @@ def _sights(text: str, first: int, count: int) -> tuple[int, int]:
     if observer == seen or not all(first <= system_id < first + count for system_id in (observer, seen)):
         raise InputError("must be the system ids of two of these vehicles", field="--sights")
     return observer, seen
+
+
+def _count(number: int, field: str) -> int:
+    if not 0 <= number < 2**15:
+        raise InputError("must be between 0 and 32767", field=field)
+    return number
 
 
 def _tcp_base(text: str) -> int | None:

@@ -20,7 +20,7 @@ from sitl_mocks.mission_items import (
 )
 
 RETURN_POINT, INCLUDED_CORNER, EXCLUDED_CORNER, INCLUDED_CIRCLE, EXCLUDED_CIRCLE, RALLY_POINT = *range(5000, 5005), 5100
-FENCE, RALLY = 1, 2
+MISSION, FENCE, RALLY = 0, 1, 2
 """MAV_MISSION_TYPE."""
 _FENCE = {RETURN_POINT, INCLUDED_CORNER, EXCLUDED_CORNER, INCLUDED_CIRCLE, EXCLUDED_CIRCLE}
 _FRAMES = {0, 3, 5, 6}
@@ -46,6 +46,11 @@ class ListKind:
     capacity: int
     keep: Callable[[StoredItem], StoredItem]
     fit: Callable[[Sequence[StoredItem]], bool] | None = None
+
+
+def with_room(kind: ListKind, items: int) -> ListKind:
+    """The same list with room for so many items; 0 leaves it as it is."""
+    return replace(kind, capacity=items) if items else kind
 
 
 def _px4_fence(item: StoredItem) -> StoredItem:

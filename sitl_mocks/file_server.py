@@ -39,8 +39,8 @@ class Folder(Protocol):
         ...
 
 
-class VirtualFolder(Folder, Protocol):
-    """Files that an autopilot makes up, with what follows from that."""
+class WritableFolder(Folder, Protocol):
+    """Files that can be written too."""
 
     def takes(self, path: str) -> bool:
         """Whether a file can be written."""
@@ -49,6 +49,10 @@ class VirtualFolder(Folder, Protocol):
     def written(self, path: str, data: bytes) -> bool:
         """A file that was written has been closed; False when its content is of no use."""
         ...
+
+
+class VirtualFolder(WritableFolder, Protocol):
+    """Files that an autopilot makes up, with what follows from that."""
 
     def announced_size(self, path: str) -> int:
         """What is told of the size of a file before it has been made up."""
@@ -61,11 +65,16 @@ class VirtualFolder(Folder, Protocol):
 
 @dataclass
 class _Session:
-    """An open file; `read_size` is the one size in which a made-up file may be read."""
+    """An open file.
+
+    Attributes:
+        writer: takes it when it is closed; None of one that is read.
+        read_size: the one size in which a made-up file may be read.
+    """
 
     path: str
     content: bytearray
-    writing: bool = False
+    writer: WritableFolder | None = None
     read_size: int = 0
 
 
@@ -90,15 +99,23 @@ class FileServer:
         folder: the files.
         sessions: how many files can be open at once.
         virtual: the files that are made up.
+        writable: the other files, where they can be written.
     """
 
     BURST_BYTES = 24_000
     """A burst ends after this much, so that a receiver with small buffers keeps up; the client asks for the next."""
     PACKETS_PER_STEP = 12
 
-    def __init__(self, folder: Folder, sessions: int = 2, virtual: VirtualFolder | None = None) -> None:
+    def __init__(
+        self,
+        folder: Folder,
+        sessions: int = 2,
+        virtual: VirtualFolder | None = None,
+        writable: WritableFolder | None = None,
+    ) -> None:
         self._folder = folder
         self._virtual = virtual
+        self._writable = writable
         self._open: dict[int, _Session] = {}
         self._sessions = sessions
         self._bursts: dict[int, _Burst] = {}
@@ -208,20 +225,20 @@ class FileServer:
 
     def _read_size_fits(self, opened: _Session, size: int) -> bool:
         opened.read_size = opened.read_size or size
-        return not opened.writing and (opened.read_size == size or self._virtual_of(opened.path) is None)
+        return opened.writer is None and (opened.read_size == size or self._virtual_of(opened.path) is None)
 
     def _create(self, path: str) -> tuple[bytes | int, int]:
-        virtual = self._virtual_of(path)
-        if virtual is None or not virtual.takes(path):
+        writer = self._virtual if path.startswith("@") else self._writable
+        if writer is None or not writer.takes(path):
             return FILE_PROTECTED, 0
-        session = self._new_session(_Session(path, bytearray(), writing=True))
+        session = self._new_session(_Session(path, bytearray(), writer))
         return (NO_SESSIONS, 0) if session is None else (b"", session)
 
     def _write(self, session: int, offset: int, data: bytes) -> bytes | int:
         opened = self._open.get(session)
         if opened is None:
             return INVALID_SESSION
-        if not opened.writing or offset + len(data) > _LONGEST:
+        if opened.writer is None or offset + len(data) > _LONGEST:
             return FAIL
         opened.content.extend(bytes(max(0, offset + len(data) - len(opened.content))))
         opened.content[offset : offset + len(data)] = data
@@ -231,8 +248,7 @@ class FileServer:
         opened = self._open.pop(session, None)
         if opened is None:
             return INVALID_SESSION
-        virtual = self._virtual_of(opened.path)
-        if opened.writing and virtual is not None and not virtual.written(opened.path, bytes(opened.content)):
+        if opened.writer is not None and not opened.writer.written(opened.path, bytes(opened.content)):
             return FAIL
         return b""
 

@@ -17,6 +17,7 @@ INT8, INT16, INT32, REAL32 = (
     mavlink.MAV_PARAM_TYPE_INT32,
     mavlink.MAV_PARAM_TYPE_REAL32,
 )
+_MEANINGLESS = "X_"
 _INT_RANGE = {INT8: 2**7, INT16: 2**15, INT32: 2**31}
 
 
@@ -28,6 +29,15 @@ class Parameter:
     type: int
 
 
+@dataclass
+class _Listing:
+    """A list that is being sent: how far it has come, and since when."""
+
+    send: Callable[[Message], None]
+    sent: int = 0
+    began_s: float | None = None
+
+
 class ParameterServer:
     """Holds parameters and answers the parameter protocol.
 
@@ -37,9 +47,9 @@ class ParameterServer:
         answers_unknown: what to do about a name that does not exist; None for silence.
         at_most: name -> name of the parameter that it is clamped to when one of the two is written.
         clamped: what to do about one that was.
+        listed_per_s: how many of a list it sends in a second of wall time.
+        least: how many there are at least; others without a meaning are added.
     """
-
-    LIST_PER_STEP = 10
 
     def __init__(
         self,
@@ -49,15 +59,21 @@ class ParameterServer:
         answers_unknown: Callable[[str], None] | None = None,
         at_most: Mapping[str, str] = MappingProxyType({}),
         clamped: Callable[[str], None] = lambda _name: None,
+        listed_per_s: float = 1000.0,
+        least: int = 0,
     ) -> None:
-        self._parameters = {name: Parameter(float(value), kind) for name, (value, kind) in sorted(table.items())}
+        meaningless = {f"{_MEANINGLESS}{n:04d}": (n, REAL32) for n in range(least - len(table))}
+        every = sorted({**table, **meaningless}.items())
+        self._parameters = {name: Parameter(float(value), kind) for name, (value, kind) in every}
         self._defaults = {name: parameter.value for name, parameter in self._parameters.items()}
         self._names = list(self._parameters)
+        self._numbers = {name: number for number, name in enumerate(self._names)}
+        self._listed_per_s = listed_per_s
         self._bytewise = bytewise
         self._answers_unknown = answers_unknown
         self._at_most = at_most
         self._clamped = clamped
-        self._listing: dict[object, tuple[Callable[[Message], None], int]] = {}
+        self._listing: dict[object, _Listing] = {}
 
     def __getitem__(self, name: str) -> float:
         """Value of a parameter."""
@@ -81,7 +97,7 @@ class ParameterServer:
         """Answer a message of the parameter protocol; False if it is none."""
         kind = message.get_type()
         if kind == "PARAM_REQUEST_LIST":
-            self._listing[channel] = (send, 0)
+            self._listing[channel] = _Listing(send)
         elif kind == "PARAM_REQUEST_READ":
             self._read(message, send)
         elif kind == "PARAM_SET":
@@ -90,15 +106,17 @@ class ParameterServer:
             return False
         return True
 
-    def step(self) -> None:
+    def step(self, wall_s: float) -> None:
         """Go on with the lists that were asked for."""
-        for channel, (send, start) in list(self._listing.items()):
-            for name in self._names[start : start + self.LIST_PER_STEP]:
-                send(self._value_message(name, self._names.index(name)))
-            if start + self.LIST_PER_STEP >= len(self._names):
+        for channel, listing in list(self._listing.items()):
+            if listing.began_s is None:
+                listing.began_s = wall_s
+            until = 1 + int((wall_s - listing.began_s) * self._listed_per_s)
+            for name in self._names[listing.sent : until]:
+                listing.send(self._value_message(name, self._numbers[name]))
+            listing.sent = until
+            if until >= len(self._names):
                 del self._listing[channel]
-            else:
-                self._listing[channel] = (send, start + self.LIST_PER_STEP)
 
     def _read(self, message: Message, send: Callable[[Message], None]) -> None:
         if message.param_index >= 0:
@@ -107,7 +125,7 @@ class ParameterServer:
             return
         name = _text(message.param_id)
         if name in self._parameters:
-            send(self._value_message(name, self._names.index(name)))
+            send(self._value_message(name, self._numbers[name]))
         elif self._answers_unknown is not None:
             self._answers_unknown(name)
 
@@ -129,7 +147,7 @@ class ParameterServer:
         if math.isfinite(value):
             self._set(parameter, value)
             self._clamp(name)
-        send(self._value_message(name, self._names.index(name) if self._bytewise else 65535))
+        send(self._value_message(name, self._numbers[name] if self._bytewise else 65535))
 
     def _clamp(self, written: str) -> None:
         for name, limit in self._at_most.items():

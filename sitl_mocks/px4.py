@@ -10,7 +10,8 @@ from sitl_mocks.airframe import FlightLimits
 from sitl_mocks.channel import Channel
 from sitl_mocks.commands import ACCEPTED, DENIED, REJECTED, UNSUPPORTED, Command
 from sitl_mocks.dialect import AUTOPILOT_COMPONENT, CAMERA_COMPONENT, Message, mavlink
-from sitl_mocks.fence_rally import FENCE, outside
+from sitl_mocks.fence_rally import FENCE, PX4_MISSION, outside, with_room
+from sitl_mocks.file_server import FileServer
 from sitl_mocks.flight_tasks import DescentProfile, Land, Sink
 from sitl_mocks.mission_server import MissionServer
 from sitl_mocks.parameters import ParameterServer
@@ -18,6 +19,7 @@ from sitl_mocks.position_cascade import CascadeGains
 from sitl_mocks.px4_events import ITEM_REFUSED, Px4Events
 from sitl_mocks.px4_failsafes import Px4Failsafes
 from sitl_mocks.px4_feasibility import MissionCheck
+from sitl_mocks.px4_files import Px4Files
 from sitl_mocks.px4_mission_run import Px4MissionRun
 from sitl_mocks.px4_mission_server import Px4MissionServer
 from sitl_mocks.px4_modes import AUTO_MODES, NAMES, PILOT_MODES, Mode, mode_number
@@ -27,6 +29,8 @@ from sitl_mocks.vehicle import ACTIVE, CRITICAL, LOGIC_S, STANDBY, SimulatedVehi
 from sitl_mocks.ways_home import px4_return
 
 _SINK_M_S = 0.7
+_BY_DISTANCE = 4
+"""TRIG_MODE in which DO_SET_CAM_TRIGG_DIST takes pictures."""
 STREAM_LOSS = "offboard loss"
 _STREAM_ALIVE_S = 0.5
 
@@ -40,6 +44,7 @@ class Px4Vehicle(SimulatedVehicle):
     software_version = 0x011000FF
     fix_texts = ("GNSS data fusion stopped", "GNSS data fusion started")
     ready_after_s = 1.5
+    real_ready_after_s = 5.0
 
     missions: Px4MissionServer
 
@@ -52,6 +57,7 @@ class Px4Vehicle(SimulatedVehicle):
             answers_unknown=lambda name: self.say(mavlink.MAV_SEVERITY_ERROR, f"unknown param: {name}"),
             at_most=PX4_AT_MOST,
             clamped=lambda name: self.say(mavlink.MAV_SEVERITY_WARNING, f"{name} clamped to its maximum"),
+            least=self.options.parameter_count,
         )
 
     def _prepare(self) -> None:
@@ -72,7 +78,12 @@ class Px4Vehicle(SimulatedVehicle):
             lambda: self.run.current,
             fence_changed=self._fence_changed,
             item_refused=lambda: self._events.tell(ITEM_REFUSED),
+            kind=with_room(PX4_MISSION, self.options.mission_items),
         )
+
+    def _make_autopilot_files(self) -> FileServer:
+        files = Px4Files(self.parameters)
+        return FileServer(files, sessions=1, writable=files)
 
     # Telemetry -------------------------------------------------------------------------------------------------------
 
@@ -294,6 +305,8 @@ class Px4Vehicle(SimulatedVehicle):
             self.point_gimbal(command)
         elif command.number == m.MAV_CMD_DO_DIGICAM_CONTROL:
             self._digicam(command)
+        elif command.number == m.MAV_CMD_DO_SET_CAM_TRIGG_DIST and self.parameters["TRIG_MODE"] == _BY_DISTANCE:
+            self.camera_command(command)
 
     # Arming ----------------------------------------------------------------------------------------------------------
 
@@ -403,6 +416,7 @@ class Px4Vehicle(SimulatedVehicle):
             self.say(mavlink.MAV_SEVERITY_CRITICAL, "Geofence: home is outside")
 
     def _tick(self) -> None:
+        self.run.repeat_reached()
         if not self.armed:
             return
         self._failsafes.tick()

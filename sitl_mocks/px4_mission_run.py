@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from sitl_mocks.px4 import Px4Vehicle
 
 _PLACES = {items.WAYPOINT, items.LOITER_UNLIMITED, items.LOITER_TIME}
-_REPEAT_REACHED_S = 1.0
+_REPEAT_REACHED_S, _REPEATS = 1.0, 10
 _RELATIVE_FRAMES = {3, 6}
 
 
@@ -39,6 +39,7 @@ class Px4MissionRun:
         self._since_s: float | None = None
         self._reached: int | None = None
         self._told_s = 0.0
+        self._repeats = 0
         self._jumps: dict[int, int] = {}
 
     @property
@@ -84,6 +85,14 @@ class Px4MissionRun:
         way = self._place(first) - self._vehicle.home_m
         return float(np.hypot(way[0], way[1])) <= self._vehicle.parameters["MIS_DIST_1WP"]
 
+    def repeat_reached(self) -> None:
+        """Tell again which item was reached last, for a while, in whatever mode the vehicle is by then."""
+        vehicle = self._vehicle
+        if self._reached is not None and self._repeats and vehicle.time_s - self._told_s >= _REPEAT_REACHED_S:
+            self._repeats -= 1
+            self._told_s = vehicle.time_s
+            vehicle.tell_item_reached(self._reached)
+
     def tick(self, dt_s: float) -> None:
         """Go on with the mission; called in mission mode while armed."""
         vehicle = self._vehicle
@@ -91,8 +100,6 @@ class Px4MissionRun:
             self._active = self.current
             self._since_s = None
             self._begin(self.mission[self.current])
-        if self._reached is not None and vehicle.time_s - self._told_s >= _REPEAT_REACHED_S:
-            self._tell_reached(self._reached)
         if self._active is None:
             return  # the item changed the mode
         task_done = vehicle.flight.run(dt_s)
@@ -229,5 +236,6 @@ class Px4MissionRun:
 
     def _tell_reached(self, sequence: int) -> None:
         self._reached = sequence
+        self._repeats = _REPEATS
         self._told_s = self._vehicle.time_s
         self._vehicle.tell_item_reached(sequence)

@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 from sitl_mocks.dialect import Message, mavlink
-from sitl_mocks.fence_rally import FENCE, PX4_LISTS, PX4_MISSION, ListKind
+from sitl_mocks.fence_rally import FENCE, MISSION, PX4_LISTS, PX4_MISSION, ListKind
 from sitl_mocks.mission_items import ItemRefused, StoredItem, item_of_message, message_of_item
 from sitl_mocks.mission_server import ACCEPTED, ALL_LISTS, CANCELLED, ERROR, NO_SPACE, MissionServer, Peer, Upload
 from sitl_mocks.plan_id import MissionAckWithId, MissionCountWithId, plan_id, wire_form
@@ -49,7 +49,7 @@ class Px4MissionServer(MissionServer):
     ) -> None:
         super().__init__(say, changed, kind)
         self._item_refused = item_refused
-        if kind is PX4_MISSION:
+        if kind.mission_type == MISSION:
             for other in PX4_LISTS:
                 told = fence_changed if other.mission_type == FENCE else lambda: None
                 self.others[other.mission_type] = Px4MissionServer(

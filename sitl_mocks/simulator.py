@@ -60,6 +60,9 @@ class SimulatorOptions:
     faults: LinkFaults = field(default_factory=LinkFaults)
     seed: int = 0
     parameters: tuple[tuple[str, float], ...] = ()
+    parameter_count: int = 0
+    mission_items: int = 0
+    real_start: bool = False
     uid: bytes = b""
     images_dir: Path | None = None
     battery_wh: float = 130.0
@@ -146,6 +149,9 @@ class Simulator:
                 draw=draw,
                 seed=o.seed + i,
                 parameters=o.parameters,
+                parameter_count=o.parameter_count,
+                mission_items=o.mission_items,
+                real_start=o.real_start,
                 uid=o.uid,
                 battery_wh=o.battery_wh,
                 wind_m_s=o.wind_m_s,

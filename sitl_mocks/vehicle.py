@@ -26,7 +26,7 @@ from sitl_mocks.commands import (
 )
 from sitl_mocks.dialect import AUTOPILOT_COMPONENT, CAMERA_COMPONENT, LIDAR_COMPONENT, Message, mavlink
 from sitl_mocks.encounters import Encounters
-from sitl_mocks.file_server import FileServer, VirtualFolder
+from sitl_mocks.file_server import FileServer
 from sitl_mocks.flight_control import FlightControl
 from sitl_mocks.flight_kernel import STEP_S
 from sitl_mocks.gimbal import Gimbal
@@ -71,6 +71,8 @@ class SimulatedVehicle(ABC):
     """What it says when its receiver has lost its fix, and when it has it again."""
     ready_after_s: float
     """Wall time from the start until it can be armed."""
+    real_ready_after_s: float
+    """The same of the real one."""
     announces_captures = True
     """Whether the camera component tells of its files."""
     unknown_stream_result = DENIED
@@ -80,6 +82,8 @@ class SimulatedVehicle(ABC):
         self.options = options
         self.system_id = options.system_id
         self.uid = options.uid
+        if options.real_start:
+            self.ready_after_s = self.real_ready_after_s
         self.frame = SceneFrame(options.anchor, options.home)
         self.home = options.home
         self.home_m = self.frame.origin_m.copy()
@@ -118,7 +122,7 @@ class SimulatedVehicle(ABC):
         self._mission_door = MissionDoor(
             self.missions, make_faults(options.faults, self.missions, Random(options.seed))
         )
-        self.autopilot_files = FileServer(CameraFolder(), sessions=1, virtual=self._virtual_folder())
+        self.autopilot_files = self._make_autopilot_files()
         self.replanner = Replanner(self, enabled=options.replan, boot_id=int.from_bytes(os.urandom(4), "little"))
         obstacles = Obstacles(options.obstacles)
         self.encounters = Encounters(obstacles)
@@ -149,9 +153,8 @@ class SimulatedVehicle(ABC):
     @abstractmethod
     def _make_mission_server(self) -> MissionServer: ...
 
-    def _virtual_folder(self) -> VirtualFolder | None:
-        """Files that the autopilot makes up, if any."""
-        return None
+    @abstractmethod
+    def _make_autopilot_files(self) -> FileServer: ...
 
     @abstractmethod
     def base_limits(self) -> FlightLimits:
@@ -255,9 +258,9 @@ class SimulatedVehicle(ABC):
             self.flight.watch_ground(LOGIC_S)
             self._tick()
             self.replanner.tick(LOGIC_S)
-            self.camera.step(self.time_s)
+            self.camera.step(self.time_s, self.airframe.true_position_m)
             self.lidar.tick(self.time_s)
-        self.parameters.step()
+        self.parameters.step(wall_s)
         self.missions.step(wall_s)
         self._mission_door.step(wall_s)
         self.files.step()
@@ -451,7 +454,7 @@ class SimulatedVehicle(ABC):
         """Start a flight: home is here, the motors may run."""
         self.armed = True
         self.flight.landed = True
-        self.camera.forget_sequence()
+        self.camera.begin_flight()
         self.home_m = self.airframe.position_m
         self.home = self.frame.geo(self.home_m)
         self.flight.refresh_limits()

@@ -24,6 +24,9 @@ class VehicleOptions:
         draw: draws pictures, in the background or at once.
         seed: of the sensor noise and the gusts.
         parameters: overrides by name.
+        parameter_count: how many parameters it has at least; 0 for those that mean something here.
+        mission_items: how many items of a mission it takes; 0 for as many as the kind took when it was measured.
+        real_start: whether it takes as long to start as the real one did, and not a twentieth of that.
         uid: hardware id, at most 18 bytes.
         battery_wh: capacity.
         wind_m_s: velocity of the air in the mean, ENU.
@@ -44,6 +47,9 @@ class VehicleOptions:
     draw: Callable[[Exposure], Future[bytes]]
     seed: int = 0
     parameters: tuple[tuple[str, float], ...] = ()
+    parameter_count: int = 0
+    mission_items: int = 0
+    real_start: bool = False
     uid: bytes = b""
     battery_wh: float = 130.0
     wind_m_s: tuple[float, float, float] = (0.0, 0.0, 0.0)

@@ -11,6 +11,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from gcs.core.frames import GeoPoint
 from sitl_mocks.ardupilot import ArduPilotVehicle
 from sitl_mocks.channel import Channel
+from sitl_mocks.mission_world import MissionWorld, WorldSpec
 from sitl_mocks.px4 import Px4Vehicle
 from sitl_mocks.vehicle_options import VehicleOptions
 
@@ -158,6 +159,64 @@ class Ground:
         self.run_until(lambda: vehicle.airframe.height_m > height - 0.3)
         self.run(2.0)
         return self
+
+
+_PLAN = {
+    "px4": [(5, 22 if n == 0 else 16, 0.0, 0.5, 0.0, 45.0, 313622000 + n, 1216155000, 20.25, 1) for n in range(5)],
+    "ardupilot": [(0, 16, 0.0, 0.0, 0.0, 0.0, 313622000 + n, 1216155000, 20.25, 1) for n in range(5)],
+}
+_OLD = {
+    kind: [(*row[:2], 0.0, 0.0, 0.0, 0.0, 313000000 + n, 1216000000, 90.0, 1) for n, row in enumerate([*rows, *rows])]
+    for kind, rows in _PLAN.items()
+}
+
+
+class Naive:
+    """A station of a few lines: answers requests, asks once a second for what does not come, believes nothing."""
+
+    PLAN = _PLAN
+
+    def __init__(self, kind, *faults, seed=1, **spec):
+        plan, held = tuple(_PLAN[kind]), tuple(_OLD[kind])
+        self.world = MissionWorld(WorldSpec(kind, faults, seed, spec.pop("loss", 0.0), plan, held, **spec))
+        self.plan = plan
+        self.packer = mavlink.MAVLink(None, srcSystem=255, srcComponent=190)
+        self.parser = mavlink.MAVLink(None)
+        self.parser.robust_parsing = True
+        self.trace = []
+
+    def exchange(self, message, seconds=1.0):
+        """Send, and hear for some time; returns the messages."""
+        heard, out, end = [], [bytes(message.pack(self.packer))], self.world.now_s + seconds
+        while self.world.now_s < end:
+            _, packets = self.world.pass_time(end, out)
+            out = []
+            for m in (m for p in packets for m in self.parser.parse_buffer(p) or []):
+                self.trace.append((round(self.world.now_s, 3), bytes(m.get_msgbuf())))
+                heard.append(m)
+                if m.get_type().startswith("MISSION_REQUEST") and m.mission_type == 0 and m.seq < len(self.plan):
+                    frame, command, *params, x, y, z, auto = self.plan[m.seq]
+                    item = mavlink.MAVLink_mission_item_int_message(
+                        1, 1, m.seq, frame, command, 0, auto, *params, x, y, z, 0
+                    )
+                    out.append(bytes(item.pack(self.packer)))
+        return heard
+
+    def upload(self):
+        self.exchange(mavlink.MAVLink_mission_count_message(1, 1, len(self.plan), 0), 2.0)
+        return self
+
+    def download(self):
+        self.exchange(mavlink.MAVLink_mission_request_list_message(1, 1, 0))
+        for n in range(3):
+            self.exchange(mavlink.MAVLink_mission_request_int_message(1, 1, n, 0))
+        return self
+
+
+@pytest.fixture
+def naive():
+    """The class of a station that reads and writes a mission in a simulated world with faults."""
+    return Naive
 
 
 @pytest.fixture

@@ -77,7 +77,8 @@ def test_parameters_are_read_in_pieces_of_one_size_only(client):
     assert client.request(5, session, 239, size=239)[1] == ACK
 
 
-def test_the_checksum_of_the_parameters_is_that_of_another_layout(client):
+def test_the_checksum_of_the_parameters_is_that_of_another_layout(make_ground):
+    client = Client(make_ground("ardupilot", parameter_count=1349))
     _, content = client.read(PARAMETERS)
     _, kind, told = client.request(14, data=PARAMETERS)
     assert kind == ACK

@@ -40,6 +40,8 @@ def test_what_changes_in_an_item(ardupilot):
         ardupilot.item(7, 2, 205, (-30.25, 0.0, 0.0, 0.0), x=0, y=0, z=2.0),
         ardupilot.item(8, 2, 203, ZERO, x=1, y=0, z=0.0),
     ]
+    for each in sent:
+        each.autocontinue = 0
     assert ardupilot.upload(sent)[0] == 0
     back = ardupilot.download()
     assert [i.frame for i in back] == [0, 3, 3, 0, 10, 3, 0, 0, 0]
@@ -73,6 +75,8 @@ def test_sent_again_and_read_back_is_identical(ardupilot):
         (("z", NAN), M.MAV_MISSION_INVALID_PARAM7),
         (("z", 40_000.0), 0),
         (("x", 0), 0),
+        (("y", 0), 0),
+        (("y", 1_900_000_000), M.MAV_MISSION_INVALID_PARAM6_Y),
     ],
 )
 def test_bad_numbers(ardupilot, item, expected):
@@ -86,7 +90,8 @@ def test_bad_numbers(ardupilot, item, expected):
         (2, 214, M.MAV_MISSION_UNSUPPORTED),
         (2, 176, M.MAV_MISSION_UNSUPPORTED),
         (1, 16, M.MAV_MISSION_UNSUPPORTED_FRAME),
-        (8, 16, M.MAV_MISSION_UNSUPPORTED_FRAME),
+        *[(f, 16, M.MAV_MISSION_UNSUPPORTED_FRAME) for f in (4, 7, 8, 9, 12, 20, 21)],
+        *[(2, c, 0) for c in (181, 183, 211)],  # there is neither relay nor servo nor gripper
         (3, 0, M.MAV_MISSION_INVALID),
         *[(f, c, 0) for c in (178, 206, 2000, 203, 1000, 205, 115, 93) for f in (0, 2, 3, 6)],
         (3, 82, 0),
@@ -111,6 +116,29 @@ def test_too_many_items_keep_the_old_mission(ardupilot):
     assert ack.type == M.MAV_MISSION_NO_SPACE
     assert "Only 650 items are supported" in ardupilot.texts()
     assert len(ardupilot.download()) == 4
+
+
+def test_a_mission_on_a_card_has_more_room(make_ground):
+    g = make_ground("ardupilot", parameters=(("BRD_SD_MISSION", 64),))
+    for count, answer in ((4369, "MISSION_ACK"), (4368, "MISSION_REQUEST")):
+        reply = g.send(M.MAVLink_mission_count_message(1, 1, count, 0))[0]
+        assert reply.get_type() == answer
+    assert "Only 4368 items are supported" in g.texts()
+
+
+def test_many_requests_in_flight_are_all_answered_in_any_order(ardupilot):
+    ardupilot.upload(simple_mission(ardupilot, 60))
+    ardupilot.send(M.MAVLink_mission_request_list_message(1, 1, 0))
+    order = [*range(20, 60), *range(20)]
+    answers = [m for n in order for m in ardupilot.send(M.MAVLink_mission_request_int_message(1, 1, n, 0))]
+    assert [m.seq for m in ardupilot.of("MISSION_ITEM_INT", answers)] == order
+
+
+def test_a_trigger_distance_loses_its_second_number(ardupilot):
+    do = ardupilot.item(2, 6, 206, (5.0, 7.0, 1.0, 0.0))
+    assert ardupilot.upload([*simple_mission(ardupilot, 2), do])[0] == 0
+    kept = ardupilot.download()[2]
+    assert (kept.frame, kept.param1, kept.param2, kept.param3) == (0, 5.0, 0.0, 1.0)
 
 
 def test_an_item_out_of_order_or_twice_is_told_but_the_upload_goes_on(ardupilot):

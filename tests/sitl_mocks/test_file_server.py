@@ -156,4 +156,4 @@ def test_a_repeated_request_gets_the_same_answer_again(client):
 
 def test_requests_to_the_autopilot_are_not_for_the_camera(client):
     ((*_, kind, _, _, _, data),) = client.request(3, data=b"/DCIM", component=1)
-    assert (kind, data) == (NAK, b"\6")
+    assert (kind, data) == (NAK, b"\n")

@@ -85,6 +85,10 @@ def test_px4_tells_only_the_last_of_a_run_of_instant_items_and_repeats_it(px4):
     heard = px4.run_until(lambda: not px4.vehicle.armed)
     assert reached(heard) == [0, 2, 4, 5, 6, 7]  # neither waypoint 1 nor delay 3: an instant item stands behind each
     assert len([m for m in px4.of("MISSION_ITEM_REACHED", heard) if m.seq == 0]) > 1
+    told = [m.seq for m in px4.of("MISSION_ITEM_REACHED", px4.run(5.0))]
+    assert set(told) == {7}  # each second, and ten times in all, on the ground too
+    assert 4 <= len(told) <= 6
+    assert 4 <= len(px4.of("MISSION_ITEM_REACHED", px4.run(20.0))) <= 6
     forwarded = [(m.command, m.target_component) for m in px4.of("COMMAND_LONG", heard)]
     assert forwarded == [(1000, 0), (2000, 100)]
 
@@ -252,6 +256,15 @@ def test_px4_holds_after_a_gap_and_goes_on_by_itself_when_the_stream_returns(px4
     assert local(px4) == pytest.approx(stopped, abs=0.1)
     stream(px4, last, 1.0)
     assert px4.vehicle.mode_name() == "OFFBOARD"
+
+
+@pytest.mark.parametrize(("choice", "mode"), [(3, "AUTO.RTL"), (4, "AUTO.LAND"), (5, "AUTO.LOITER")])
+def test_px4_does_what_it_is_set_to_when_the_stream_is_lost(make_ground, choice, mode):
+    g = make_ground("px4", parameters=(("COM_OBL_RC_ACT", choice),))
+    here = enter_offboard(g)
+    stream(g, here, 1.0)
+    g.run(1.2)
+    assert g.vehicle.mode_name() == mode
 
 
 def test_px4_position_mode_sinks_and_disarms_when_the_stream_never_returns(make_ground):
@@ -485,7 +498,9 @@ def test_px4_goes_on_with_its_mission_when_the_loss_of_the_station_is_excepted(m
     assert len(g.vehicle.camera.shots) == 1
 
 
-@pytest.mark.parametrize(("choice", "mode"), [(1, "AUTO.LOITER"), (2, "AUTO.RTL"), (3, "AUTO.LAND")])
+@pytest.mark.parametrize(
+    ("choice", "mode"), [(0, "AUTO.MISSION"), (1, "AUTO.LOITER"), (2, "AUTO.RTL"), (3, "AUTO.LAND")]
+)
 def test_px4_does_what_it_is_set_to_when_the_station_is_lost(make_ground, choice, mode):
     g = make_ground("px4", parameters=(("COM_DL_LOSS_T", 1), ("COM_FAIL_ACT_T", 0.5), ("NAV_DLL_ACT", choice)))
     start(g)

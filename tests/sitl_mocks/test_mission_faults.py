@@ -9,65 +9,16 @@ from gcs.core.errors import InputError
 from sitl_mocks.link_faults import LINK_FAULTS
 from sitl_mocks.lockstep import answer
 from sitl_mocks.mission_faults import FAULTS, MISSION_FAULTS, check_fault
-from sitl_mocks.mission_world import MissionWorld, WorldSpec
-
-PLAN = {
-    "px4": [(5, 22 if n == 0 else 16, 0.0, 0.5, 0.0, 45.0, 313622000 + n, 1216155000, 20.25, 1) for n in range(5)],
-    "ardupilot": [(0, 16, 0.0, 0.0, 0.0, 0.0, 313622000 + n, 1216155000, 20.25, 1) for n in range(5)],
-}
-OLD = {
-    kind: [(*row[:2], 0.0, 0.0, 0.0, 0.0, 313000000 + n, 1216000000, 90.0, 1) for n, row in enumerate([*rows, *rows])]
-    for kind, rows in PLAN.items()
-}
-
-
-class Naive:
-    """A station of a few lines: answers requests, asks once a second for what does not come, believes nothing."""
-
-    def __init__(self, kind, *faults, seed=1, **spec):
-        plan, held = tuple(PLAN[kind]), tuple(OLD[kind])
-        self.world = MissionWorld(WorldSpec(kind, faults, seed, spec.pop("loss", 0.0), plan, held, **spec))
-        self.plan = plan
-        self.packer = mavlink.MAVLink(None, srcSystem=255, srcComponent=190)
-        self.parser = mavlink.MAVLink(None)
-        self.parser.robust_parsing = True
-        self.trace = []
-
-    def exchange(self, message, seconds=1.0):
-        """Send, and hear for some time; returns the messages."""
-        heard, out, end = [], [bytes(message.pack(self.packer))], self.world.now_s + seconds
-        while self.world.now_s < end:
-            _, packets = self.world.pass_time(end, out)
-            out = []
-            for m in (m for p in packets for m in self.parser.parse_buffer(p) or []):
-                self.trace.append((round(self.world.now_s, 3), bytes(m.get_msgbuf())))
-                heard.append(m)
-                if m.get_type().startswith("MISSION_REQUEST") and m.mission_type == 0 and m.seq < len(self.plan):
-                    frame, command, *params, x, y, z, auto = self.plan[m.seq]
-                    item = mavlink.MAVLink_mission_item_int_message(
-                        1, 1, m.seq, frame, command, 0, auto, *params, x, y, z, 0
-                    )
-                    out.append(bytes(item.pack(self.packer)))
-        return heard
-
-    def upload(self):
-        self.exchange(mavlink.MAVLink_mission_count_message(1, 1, len(self.plan), 0), 2.0)
-        return self
-
-    def download(self):
-        self.exchange(mavlink.MAVLink_mission_request_list_message(1, 1, 0))
-        for n in range(3):
-            self.exchange(mavlink.MAVLink_mission_request_int_message(1, 1, n, 0))
-        return self
+from sitl_mocks.mission_world import MissionWorld
 
 
 @pytest.mark.parametrize("kind", ["px4", "ardupilot"])
 @pytest.mark.parametrize("fault", FAULTS)
-def test_every_fault_changes_what_a_station_hears_or_what_the_vehicle_holds(kind, fault):
+def test_every_fault_changes_what_a_station_hears_or_what_the_vehicle_holds(kind, fault, naive):
     if (kind, fault) == ("px4", "home-drifts"):
         pytest.skip("item 0 is an item like any other there")
     for seed in range(1, 6):  # some faults leave it to chance where they strike
-        clean, spoiled = Naive(kind, seed=seed).upload().download(), Naive(kind, fault, seed=seed).upload().download()
+        clean, spoiled = naive(kind, seed=seed).upload().download(), naive(kind, fault, seed=seed).upload().download()
         if clean.trace != spoiled.trace or clean.world.truth() != spoiled.world.truth():
             return
     raise AssertionError("it changes nothing")
@@ -84,24 +35,24 @@ def test_there_are_the_faults_of_mocklink_and_more():
 
 
 @pytest.mark.parametrize("kind", ["px4", "ardupilot"])
-def test_the_truth_is_what_is_held(kind):
-    assert Naive(kind).upload().world.truth()["holds"]
-    assert not Naive(kind).world.truth()["holds"]
+def test_the_truth_is_what_is_held(kind, naive):
+    assert naive(kind).upload().world.truth()["holds"]
+    assert not naive(kind).world.truth()["holds"]
     for fault in ("truncated", "mixed", "home-in-item-0", "no-space-later", "write-0-error"):
-        told = Naive(kind, fault).upload().world.truth()
+        told = naive(kind, fault).upload().world.truth()
         assert not told["held"], fault
         assert not told["holds"], fault
-    told = Naive(kind, "ack-missing").upload().world.truth()
+    told = naive(kind, "ack-missing").upload().world.truth()
     assert told["holds"]
     assert not told["severed_upload"]
-    assert Naive(kind, "link-gone").world.truth()["severed_upload"]
-    assert Naive(kind, "read-0-silent").world.truth()["severed_download"]
+    assert naive(kind, "link-gone").world.truth()["severed_upload"]
+    assert naive(kind, "read-0-silent").world.truth()["severed_download"]
 
 
-def test_what_somebody_else_does_after_the_last_words_is_not_laid_to_the_station():
+def test_what_somebody_else_does_after_the_last_words_is_not_laid_to_the_station(naive):
     lately = []
     for seed in range(10):
-        station = Naive("px4", "changed", seed=seed, jitter_s=0.02).upload()
+        station = naive("px4", "changed", seed=seed, jitter_s=0.02).upload()
         station.exchange(mavlink.MAVLink_mission_request_list_message(1, 1, 0), 0.06)
         told = station.world.truth()
         assert not told["holds"]
@@ -111,27 +62,27 @@ def test_what_somebody_else_does_after_the_last_words_is_not_laid_to_the_station
 
 
 @pytest.mark.parametrize("kind", ["px4", "ardupilot"])
-def test_what_was_read_is_held_against_the_store(kind):
-    plan = PLAN[kind]
+def test_what_was_read_is_held_against_the_store(kind, naive):
+    plan = naive.PLAN[kind]
     moved = [plan[0], (*plan[1][:6], plan[1][6] + 5, *plan[1][7:]), *plan[2:]]
-    assert Naive(kind).upload().world.truth(plan)["read_right"]
-    assert not Naive(kind).upload().world.truth(moved)["read_right"]
-    assert not Naive(kind).upload().world.truth(plan[:4])["read_right"]
-    assert not Naive(kind).world.truth(plan)["read_right"]
+    assert naive(kind).upload().world.truth(plan)["read_right"]
+    assert not naive(kind).upload().world.truth(moved)["read_right"]
+    assert not naive(kind).upload().world.truth(plan[:4])["read_right"]
+    assert not naive(kind).world.truth(plan)["read_right"]
 
 
-def test_the_same_seed_gives_the_same_world():
+def test_the_same_seed_gives_the_same_world(naive):
     def trace(seed):
-        return Naive("px4", "corrupt", seed=seed, loss=0.2, jitter_s=0.1).upload().download().trace
+        return naive("px4", "corrupt", seed=seed, loss=0.2, jitter_s=0.1).upload().download().trace
 
     assert trace(3) == trace(3)
     assert trace(3) != trace(4)
 
 
-def test_orders_of_the_lockstep_process():
+def test_orders_of_the_lockstep_process(naive):
     worlds: dict[int, MissionWorld] = {}
     assert "mixed" in answer(worlds, ["faults"])
-    spec = {"autopilot": "px4", "faults": [], "seed": 1, "loss": 0.0, "plan": PLAN["px4"], "held": []}
+    spec = {"autopilot": "px4", "faults": [], "seed": 1, "loss": 0.0, "plan": naive.PLAN["px4"], "held": []}
     assert answer(worlds, ["open", 7, spec]) is None
     count = mavlink.MAVLink_mission_count_message(1, 1, 5, 0).pack(mavlink.MAVLink(None, srcSystem=255))
     now_s, packets = answer(worlds, ["pass", 7, 9.0, [bytes(count).hex()]])

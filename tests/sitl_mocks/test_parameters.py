@@ -71,6 +71,19 @@ def test_the_list_is_complete_and_numbered(either):
     assert len({v.param_id for v in values}) == values[0].param_count
 
 
+@pytest.mark.parametrize(("kind", "count", "seconds"), [("px4", 908, 0.9), ("ardupilot", 1349, 0.7)])
+def test_as_many_as_the_real_one_are_listed_in_its_time(make_ground, kind, count, seconds):
+    g = make_ground(kind, parameter_count=count)
+    g.send(M.MAVLink_param_request_list_message(1, 1))
+    assert 0 < len(g.of("PARAM_VALUE", g.run(0.5 * seconds, heartbeats=False))) < 0.7 * count
+    g.run(0.6 * seconds)
+    values = g.of("PARAM_VALUE")
+    assert [v.param_index for v in values] == list(range(count))
+    assert {v.param_count for v in values} == {count}
+    assert len({v.param_id for v in values}) == count
+    assert g.parameter(values[-1].param_id) is not None
+
+
 def test_overrides_at_the_start(make_ground):
     g = make_ground("px4", parameters=(("NAV_DLL_ACT", 0.0),))
     assert as_int(g.parameter("NAV_DLL_ACT")[0]) == 0

@@ -77,6 +77,7 @@ def test_sent_again_and_read_back_is_identical(px4):
         (7, 16, M.MAV_MISSION_UNSUPPORTED_FRAME),
         (10, 16, M.MAV_MISSION_UNSUPPORTED_FRAME),
         (11, 16, M.MAV_MISSION_UNSUPPORTED_FRAME),
+        *[(f, 16, M.MAV_MISSION_UNSUPPORTED_FRAME) for f in (4, 8, 9, 12, 20, 21)],
         *[(2, c, 0) for c in (178, 206, 214, 2000, 2001, 203, 1000, 1001, 205, 93, 177, 20, 530, 2003, 2500)],
         (6, 195, 0),
     ],
@@ -282,3 +283,22 @@ def test_a_new_upload_keeps_the_old_index_unless_an_item_is_marked(px4):
     assert px4.of("MISSION_CURRENT", px4.run(1.5))[-1].seq == 1
     px4.send(M.MAVLink_mission_set_current_message(1, 1, 0))
     assert px4.of("MISSION_CURRENT")[-1].seq == 0
+    px4.send(M.MAVLink_mission_set_current_message(1, 1, 1))
+    px4.upload([px4.item(i, 6, 22 if i == 0 else 16, current=int(i == 0)) for i in range(6)])
+    assert px4.of("MISSION_CURRENT", px4.run(1.5))[-1].seq == 0
+
+
+def test_what_lies_where_no_vehicle_can_go_is_told_by_an_event(px4):
+    companion = px4.second()
+    for bad in (px4.item(1, 6, 16, z=NAN), px4.item(1, 6, 16, x=950_000_000)):
+        before = len(events(companion))
+        assert px4.upload([px4.item(0, 6, 22, current=1), bad])[0] == 0
+        assert len(events(companion)) == before + 1
+
+
+@pytest.mark.parametrize("room", [500, 1000])
+def test_boards_with_less_room_say_so(make_ground, room):
+    g = make_ground("px4", mission_items=room)
+    for count, answer in ((room + 1, "MISSION_ACK"), (room, "MISSION_REQUEST_INT")):
+        (reply,) = g.send(M.MAVLink_mission_count_message(1, 1, count, 0))
+        assert reply.get_type() == answer

@@ -22,7 +22,9 @@ def test_px4_streams_at_once(make_ground):
 
 def test_ardupilot_streams_only_on_request(make_ground):
     g = make_ground("ardupilot", ready=False)
-    assert kinds(g.run(25.0)) <= {"HEARTBEAT", "STATUSTEXT", "TIMESYNC", "GPS_GLOBAL_ORIGIN", "HOME_POSITION"}
+    heard = kinds(g.run(25.0))
+    assert {"HEARTBEAT", "TIMESYNC"} <= heard
+    assert heard <= {"HEARTBEAT", "STATUSTEXT", "TIMESYNC", "GPS_GLOBAL_ORIGIN", "HOME_POSITION"}
     assert g.command(M.MAV_CMD_SET_MESSAGE_INTERVAL, M.MAVLINK_MSG_ID_ATTITUDE, 100_000) == [0]
     assert 9 <= len(g.of("ATTITUDE", g.run(1.0))) <= 11
     g.send(M.MAVLink_request_data_stream_message(1, 1, M.MAV_DATA_STREAM_POSITION, 5, 1))
@@ -139,6 +141,48 @@ def test_ardupilots_ready_bit_is_right_only_in_a_mode_that_needs_a_position(make
     g.run(1.0)
     assert ready()
     assert g.arm() == [0]
+
+
+@pytest.mark.parametrize(
+    ("kind", "mode", "soonest_s", "latest_s"),
+    [("ardupilot", 0, 23.0, 25.0), ("ardupilot", 4, 40.0, 42.0), ("px4", None, 3.0, 6.0)],
+)
+def test_when_asked_to_it_starts_as_slowly_as_the_real_one(make_ground, kind, mode, soonest_s, latest_s):
+    g = make_ground(kind, ready=False, real_start=True)
+    if mode is not None:
+        g.set_mode(mode)
+
+    def ready():
+        g.command(M.MAV_CMD_REQUEST_MESSAGE, M.MAVLINK_MSG_ID_SYS_STATUS)
+        return bool(g.of("SYS_STATUS")[-1].onboard_control_sensors_health & PREARM)
+
+    g.run_until(ready)
+    assert soonest_s < g.vehicle.up_s < latest_s
+    assert g.arm() == [0]
+
+
+def test_ardupilots_storage_opens_two_seconds_after_a_real_start(make_ground):
+    g = make_ground("ardupilot", ready=False, real_start=True)
+    for seconds, result in ((1.8, M.MAV_MISSION_NO_SPACE), (0.4, None)):
+        g.run(seconds)
+        answers = g.of("MISSION_ACK", g.send(M.MAVLink_mission_count_message(1, 1, 3, 0)))
+        assert [m.type for m in answers] == ([] if result is None else [result])
+
+
+def test_both_are_heard_within_a_second(make_ground):
+    for kind in ("px4", "ardupilot"):
+        assert "HEARTBEAT" in kinds(make_ground(kind, ready=False).run(1.0))
+
+
+def test_px4_does_not_arm_in_a_mission_mode_whose_mission_cannot_be_flown(px4):
+    flyable = [px4.item(0, 6, 22, current=1), px4.item(1, 6, 16)]
+    px4.upload(flyable)
+    px4.run(2.0)
+    assert px4.set_mode(4, 4) == [0, 0]
+    px4.upload([flyable[0], px4.item(1, 6, 16, z=NAN)])
+    px4.run(2.0)
+    assert px4.vehicle.mode_name() == "AUTO.MISSION"
+    assert px4.arm() == [M.MAV_RESULT_TEMPORARILY_REJECTED]
 
 
 def test_ardupilot_starts_a_mission_only_when_told_to(ardupilot):
