@@ -29,10 +29,10 @@ async def running_station(data_dir):
         run_station(StationSettings(data_dir=data_dir, port=0), ready=ready.put_nowait, stop=stop)
     )
     try:
-        yield await asyncio.wait_for(ready.get(), 30)
+        yield await asyncio.wait_for(ready.get(), 120)
     finally:
         stop.set()
-        await asyncio.wait_for(station, 30)
+        await asyncio.wait_for(station, 120)
 
 
 async def request(settings, text):
@@ -78,8 +78,8 @@ async def test_the_live_stream_over_a_real_socket(tmp_path):
         url = f"ws://127.0.0.1:{settings.port}/api/live"
         bearer = {"Authorization": f"Bearer {session_token(tmp_path)}"}
         async with websockets.connect(url, additional_headers=bearer) as live:
-            assert '"type":"snapshot"' in await asyncio.wait_for(live.recv(), 10)
-            assert '"type":"heartbeat"' in await asyncio.wait_for(live.recv(), 10)
+            assert '"type":"snapshot"' in await asyncio.wait_for(live.recv(), 60)
+            assert '"type":"heartbeat"' in await asyncio.wait_for(live.recv(), 60)
         for refused in ({}, {**bearer, "Origin": "http://evil.example"}):
             with pytest.raises(websockets.InvalidStatus) as caught:
                 async with websockets.connect(url, additional_headers=refused):

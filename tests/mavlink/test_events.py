@@ -5,7 +5,7 @@ from gcs.mavlink.events import MAX_WAITING, EventStream, StatusTextEvent, Teleme
 
 
 async def take(stream, count):
-    return [await asyncio.wait_for(anext(stream), 1.0) for _ in range(count)]
+    return [await asyncio.wait_for(anext(stream), 30.0) for _ in range(count)]
 
 
 async def test_every_reader_hears_everything_in_order():

@@ -177,7 +177,7 @@ async def test_every_state_of_the_lease_is_told_and_only_changes_are_logged(led,
     assert texts(run, "offboard") == ["companion: leading, leads"]
     vehicle.show(FlightMode.LAND)
     await vehicle.tell(LeaseState.FINISHED, "the plan is flown", reports_pending=1)
-    await asyncio.wait_for(led.tasks[0], 5)
+    await asyncio.wait_for(led.tasks[0], 60)
     assert vehicle.lent is None
     assert run.cut_short is None
     assert not [e for e in texts(run, "problem") if e]
@@ -192,7 +192,7 @@ async def test_a_pilots_own_hold_or_landing_is_a_take_over_said_once(led, run, m
     if word_first:
         await vehicle.tell(LeaseState.TAKEN_OVER, "the pilot")
     await vehicle.taken_over(mode)
-    await asyncio.wait_for(led.tasks[0], 5)
+    await asyncio.wait_for(led.tasks[0], 60)
     assert vehicle.lent is None
     if not word_first:
         await vehicle.tell(LeaseState.TAKEN_OVER, "the pilot", lease=run.companion._lease)
@@ -211,7 +211,7 @@ async def test_nothing_is_armed_unless_the_companion_says_that_it_could_fly_this
     vehicle = run.vehicle
     vehicle.in_air, vehicle.unready = False, unready
     led.lend(run, HASH)
-    await asyncio.wait_for(led.tasks[0], 5)
+    await asyncio.wait_for(led.tasks[0], 60)
     assert (vehicle.orders, vehicle.lent, led.not_begun) == ([], None, [unready])
     assert texts(run, "command") == ["companion: gets the plan"]
     vehicle.unready = None
@@ -224,7 +224,7 @@ async def test_after_a_take_over_the_operator_resumes_by_a_new_lease(led, run):
     vehicle = await leading(led, run)
     first = vehicle.lent
     await vehicle.taken_over(FlightMode.MANUAL)
-    await asyncio.wait_for(led.tasks[0], 5)
+    await asyncio.wait_for(led.tasks[0], 60)
     vehicle.pilot_in_control = False  # taken back by name
     run.cut_short = None
     await leading(led, run)
@@ -238,7 +238,7 @@ async def test_a_hold_by_the_companion_itself_is_no_take_over(led, run):
     vehicle = await leading(led, run)
     vehicle.show(FlightMode.HOLD)
     await vehicle.tell(LeaseState.ENDED, "the lidar is silent, for 10 s")
-    await asyncio.wait_for(led.tasks[0], 5)
+    await asyncio.wait_for(led.tasks[0], 60)
     assert run.recorder.flight.state is FlightState.HELD
     assert texts(run, "offboard")[-1] == "the companion ended its lease: the lidar is silent, for 10 s"
     assert texts(run, "problem") == []
@@ -251,7 +251,7 @@ async def test_a_companion_that_is_not_heard_for_a_while_is_followed_on(led, run
     assert sum("not heard" in text for text in texts(run, "offboard")) == 1
     vehicle.show(FlightMode.LAND)
     await vehicle.tell(LeaseState.FINISHED, "the plan is flown")
-    await asyncio.wait_for(led.tasks[0], 5)
+    await asyncio.wait_for(led.tasks[0], 60)
 
 
 async def test_after_a_restart_the_station_follows_the_lease_that_it_hears_and_commands_nothing(led, run):
@@ -264,5 +264,5 @@ async def test_after_a_restart_the_station_follows_the_lease_that_it_hears_and_c
     assert run.recorder.flight.state is FlightState.FLYING
     assert (vehicle.lent, vehicle.orders, run.companion.plan_time_s) == (77, [], 30.0)
     await vehicle.taken_over(FlightMode.HOLD)
-    await asyncio.wait_for(led.tasks[0], 5)
+    await asyncio.wait_for(led.tasks[0], 60)
     assert run.recorder.flight.state is FlightState.HELD

@@ -80,7 +80,7 @@ async def test_an_observer_is_waited_for_and_then_looks_again(run):
     run.vehicle.lag_s = LinkError("no answer")  # nor does the vehicle answer at first
     await asyncio.sleep(0.05)
     run.vehicle.lag_s = 0.2
-    await asyncio.wait_for(taking_up, 5)
+    await asyncio.wait_for(taking_up, 60)
     assert [sighted.lag_s for sighted in run.begun] == [0.2]
     assert vehicles.sources == [1]
     assert run.recorder.changes == {"observer": "px4-2"}
@@ -89,7 +89,7 @@ async def test_an_observer_is_waited_for_and_then_looks_again(run):
 
 async def test_what_would_not_work_is_a_problem_of_the_flight(run):
     run.vehicle.lag_s = RefusedError("set EKF2_EV_CTRL")
-    await asyncio.wait_for(FlightObservers(Vehicles(run.vehicle, Vehicle(2))).take_up(run, "px4-2"), 5)
+    await asyncio.wait_for(FlightObservers(Vehicles(run.vehicle, Vehicle(2))).take_up(run, "px4-2"), 60)
     assert run.begun == []
     assert run.recorder.lines[1:] == [
         "problem: after the restart of the station px4-1 is told no positions: set EKF2_EV_CTRL"
@@ -100,5 +100,5 @@ async def test_nobody_is_waited_for_after_the_landing(run):
     taking_up = asyncio.create_task(FlightObservers(Vehicles(run.vehicle)).take_up(run, "px4-2"))
     await asyncio.sleep(0.05)
     run.down.set()
-    await asyncio.wait_for(taking_up, 5)
+    await asyncio.wait_for(taking_up, 60)
     assert run.begun == []
